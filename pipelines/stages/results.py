@@ -1,0 +1,54 @@
+"""What a stage tells while it runs and when it ends: plain data, so that it crosses process borders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+Scalar = str | int | float | bool | None
+
+
+@dataclass(frozen=True)
+class Progress:
+    """One step of a stage on one case.
+
+    `done` of `total` units are finished; `total` is None when it cannot be known, and an upper bound where a
+    branch may end earlier. `message` says in a few words what the numbers cannot, for instance the parameter
+    value just reached.
+    """
+
+    stage: str
+    case_id: str
+    done: int
+    total: int | None = None
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class StageResult:
+    """How one stage ended on one case.
+
+    `ok` is False when the case could not be computed as asked; `stop_reason` then names why and `advice` is a
+    sentence that tells the user what to change. `summary` holds the few numbers worth a line on the terminal
+    (plain scalars only; NaN is not allowed, None stands for a missing number).
+    """
+
+    case_id: str
+    ok: bool
+    stop_reason: str
+    advice: str = ""
+    summary: Mapping[str, Scalar] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The result as plain dictionaries and scalars, fit for JSON and for another process."""
+        return asdict(self) | {"summary": dict(self.summary)}
+
+    @classmethod
+    def from_dict(cls, record: Mapping[str, Any]) -> StageResult:
+        """Rebuild a result from `as_dict`."""
+        return cls(**record)
+
+
+Report = Callable[[Progress], None]
+ShouldStop = Callable[[], bool]
