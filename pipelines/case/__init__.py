@@ -1,0 +1,1 @@
+"""The description of a case: models, units and scales, sweep expansion, identity."""
