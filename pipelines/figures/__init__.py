@@ -1,0 +1,3 @@
+"""Pictures drawn from stores alone: nothing here computes physics."""
+
+from __future__ import annotations

@@ -1,0 +1,114 @@
+"""Axes that carry a dimensionless quantity and its dimensional twin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Colormap, Normalize
+from matplotlib.patches import Circle
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Dimensional value of one dimensionless unit."""
+
+    rpm: float  # of a rotating speed [rev/min]
+    hertz: float  # of a frequency [Hz]
+    micrometres: float  # of a displacement [um]
+    seconds: float  # of a time [s]
+
+
+@dataclass(frozen=True)
+class ParameterAxis:
+    """How a continued parameter is written on an axis."""
+
+    symbol: str
+    title: str
+    dimensional: str | None  # name of its field in Scales, where it has a dimensional twin
+    dimensional_label: str
+
+    @property
+    def label(self) -> str:
+        return f"{self.title} {self.symbol} [–]"
+
+
+PARAMETER_AXES = {
+    "speed": ParameterAxis(r"$\bar{\Omega}$", "rotating speed", "rpm", "rotating speed [rpm]"),
+    "excitation_frequency": ParameterAxis(
+        r"$\bar{\Omega}_{ex}$", "excitation frequency", "hertz", "excitation frequency [Hz]"
+    ),
+    "displacement": ParameterAxis(
+        r"$\bar{\delta}$", "ring displacement", "micrometres", "ring displacement [µm]"
+    ),
+    "foil_stiffness": ParameterAxis(r"$\bar{k}_f$", "foil stiffness", None, ""),
+}
+
+
+def add_parameter_axis(
+    axes: Axes, parameter: str, scales: Scales, bottom: bool = True, top: bool = True
+) -> None:
+    """Label the x axis with a parameter, and the top with its dimensional twin where it has one."""
+    axis = PARAMETER_AXES[parameter]
+    if bottom:
+        axes.set_xlabel(axis.label)
+    if top and axis.dimensional is not None:
+        add_top(axes, getattr(scales, axis.dimensional), axis.dimensional_label)
+
+
+def add_top(axes: Axes, factor: float, label: str) -> None:
+    """Second x axis: ``factor`` times the first."""
+    second = axes.secondary_xaxis("top", functions=(lambda x: x * factor, lambda x: x / factor))
+    second.set_xlabel(label)
+
+
+def add_right(axes: Axes, factor: float, label: str) -> None:
+    """Second y axis: ``factor`` times the first."""
+    second = axes.secondary_yaxis("right", functions=(lambda y: y * factor, lambda y: y / factor))
+    second.set_ylabel(label)
+
+
+def limits(values: ArrayLike, margin: float = 0.05) -> tuple[float, float]:
+    """Limits around the finite values; a single value gets room around it, no value the unit interval."""
+    finite = np.asarray(values, dtype=float)
+    finite = finite[np.isfinite(finite)]
+    if finite.size == 0:
+        return 0.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    room = margin * (high - low) if high > low else 0.05 * max(abs(high), 1e-3)
+    return low - room, high + room
+
+
+def coloured_line(
+    axes: Axes,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    values: NDArray[np.float64],
+    norm: Normalize,
+    colours: str | Colormap,
+    **options: object,
+) -> LineCollection:
+    """Draw a polyline whose segments take their colour from the mean value at their two ends.
+
+    A segment with a NaN end is left out.
+    """
+    points = np.column_stack([x, y])
+    segments = np.stack([points[:-1], points[1:]], axis=1)
+    means = 0.5 * (values[:-1] + values[1:])
+    known = np.isfinite(segments).all(axis=(1, 2)) & np.isfinite(means)
+    lines = LineCollection(list(segments[known]), array=means[known], norm=norm, cmap=colours, **options)  # type: ignore[arg-type]
+    axes.add_collection(lines)
+    return lines
+
+
+def clearance_circle(axes: Axes) -> None:
+    """Nominal clearance circle of radius one: where a journal would touch an undeformed foil."""
+    axes.add_patch(
+        Circle((0.0, 0.0), 1.0, fill=False, linestyle=(0, (5, 3)), linewidth=0.9, edgecolor="#444444")
+    )
+    axes.axhline(0.0, color="#BBBBBB", linewidth=0.5, zorder=0)
+    axes.axvline(0.0, color="#BBBBBB", linewidth=0.5, zorder=0)
+    axes.set_aspect("equal")

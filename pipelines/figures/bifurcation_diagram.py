@@ -1,0 +1,221 @@
+"""Response envelope of the journals along branches of limit cycles, with stability and bifurcations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from pipelines.figures import style
+from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, add_right, limits
+from pipelines.figures.contents import CaseView, Table, stable_points
+
+
+@dataclass(frozen=True)
+class EventMark:
+    """How a bifurcation is drawn."""
+
+    label: str
+    short: str
+    marker: str
+    colour: str
+
+
+EVENT_MARKS = {
+    "fold": EventMark("fold (LPC)", "LPC", "s", style.GREEN),
+    "period_doubling": EventMark("period doubling (PD)", "PD", "D", style.ORANGE),
+    "neimark_sacker": EventMark("Neimark–Sacker (NS)", "NS", "o", style.PURPLE),
+    "branch_point": EventMark("branch point (BP)", "BP", "^", style.BLACK),
+}
+
+# One bearing is drawn broad and pale, the other thin on top of it: of a symmetric machine both stay visible.
+BEARING_WIDTHS = (3.0, 1.1)
+BEARING_ALPHAS = (0.40, 1.0)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A branch with its bifurcation points threaded in: parameter (n,), values (n, k), stable (n - 1,)."""
+
+    parameter: NDArray[np.float64]
+    values: NDArray[np.float64]
+    stable: NDArray[np.bool_]
+    event_rows: NDArray[np.intp]
+
+
+def thread_events(branch: Table, parameter: str, values: NDArray[np.float64]) -> Curve:
+    """Put the located bifurcations between the points around them.
+
+    A store keeps the parameter and the state of a bifurcation, not its envelope: ``values`` (point, k) are read off
+    between the neighbours, at the fraction of the way which the state has gone.
+    """
+    along = np.asarray(branch[parameter], dtype=float)
+    stable, after = stable_points(branch), event_neighbours(branch)
+    if len(after) == 0:
+        return Curve(along, values, stable[:-1] & stable[1:], after)
+    beyond = np.minimum(after + 1, len(along) - 1)
+    fraction = _fraction(branch, after, beyond)
+    events = values[after] + fraction[:, None] * (values[beyond] - values[after])
+    place = np.concatenate([np.arange(len(along), dtype=float), after + np.clip(fraction, 1e-6, 1.0 - 1e-6)])
+    order = np.argsort(place)
+    is_point, place = order < len(along), place[order]
+    # Up to a bifurcation a stretch is as stable as the point before it, from there on as the point behind it.
+    left = stable[np.floor(place[:-1]).astype(int)]
+    right = stable[np.minimum(np.ceil(place[1:]).astype(int), len(along) - 1)]
+    stretch = np.where(is_point[1:], np.where(is_point[:-1], left & right, right), left)
+    parameters = np.concatenate([along, branch[f"event_{parameter}"]])
+    return Curve(
+        parameters[order], np.concatenate([values, events])[order], stretch, np.argsort(order)[len(along) :]
+    )
+
+
+def event_neighbours(branch: Table) -> NDArray[np.intp]:
+    """Point before each located bifurcation (event,); empty where the store keeps no bifurcations."""
+    if "event_after_point" not in branch:
+        return np.zeros(0, dtype=np.intp)
+    return np.asarray(branch["event_after_point"], dtype=np.intp)
+
+
+def _fraction(branch: Table, before: NDArray[np.intp], beyond: NDArray[np.intp]) -> NDArray[np.float64]:
+    """How far along, between 0 and 1, each bifurcation lies between its two neighbours in state space."""
+    state, events = branch["state"], branch["event_state"]
+    from_start = np.linalg.norm(events - state[before], axis=1)
+    to_end = np.linalg.norm(state[beyond] - events, axis=1)
+    whole = from_start + to_end
+    return np.asarray(np.where(whole > 0.0, from_start / np.where(whole > 0.0, whole, 1.0), 0.5))
+
+
+def event_names(branch: Table) -> list[str]:
+    """Names of the located bifurcations of a branch, in order."""
+    return [str(name) for name in branch["event_kind"]] if "event_kind" in branch else []
+
+
+@style.in_style
+def draw_bifurcation_diagram(case: CaseView, parameter: str, branches: Sequence[Table]) -> Figure:
+    """Envelope of the vertical and horizontal journal motion and its largest eccentricity, against a parameter."""
+    figure = style.new_figure(7.4)
+    panels = figure.subplots(3, 1, sharex=True)
+    quantities = (envelope(1), envelope(0), largest_eccentricity)
+    labels = (r"vertical $\bar{y}_j$ [–]", r"horizontal $\bar{x}_j$ [–]", r"$\max\,|\bar{r}_j|$ [–]")
+    twins = ("vertical [µm]", "horizontal [µm]", "eccentricity [µm]")
+    for axes, quantity, label, twin in zip(panels, quantities, labels, twins, strict=True):
+        drawn = [
+            values
+            for branch in branches
+            for bearing in range(case.bearings)
+            for values in _draw_curve(axes, branch, parameter, quantity(case, branch, bearing), bearing)
+        ]
+        axes.set_ylim(*limits(np.concatenate(drawn), 0.08))
+        axes.set_ylabel(label)
+        add_right(axes, case.scales.micrometres, twin)
+    panels[0].set_xlim(*limits(np.concatenate([branch[parameter] for branch in branches]), 0.03))
+    add_parameter_axis(panels[0], parameter, case.scales, bottom=False)
+    add_parameter_axis(panels[-1], parameter, case.scales, top=False)
+    kinds = {kind for branch in branches for kind in event_names(branch)}
+    figure.legend(handles=_legend(case.bearings, kinds), loc="outside lower center", ncols=4)
+    title = f"{case.name}: limit cycles along the {PARAMETER_AXES[parameter].title}{_progress(branches)}"
+    return style.finish(figure, title, case.note)
+
+
+Quantity = Callable[[CaseView, Table, int], NDArray[np.float64]]
+
+
+def envelope(axis: int) -> Quantity:
+    """Quantity (point, 2): the largest and the smallest journal coordinate of each cycle (axis 0: x, 1: y)."""
+
+    def quantity(case: CaseView, branch: Table, bearing: int) -> NDArray[np.float64]:
+        column = case.journal_coordinates(bearing)[axis]
+        return np.column_stack([branch["orbit_maximum"][:, column], branch["orbit_minimum"][:, column]])
+
+    return quantity
+
+
+def largest_eccentricity(case: CaseView, branch: Table, bearing: int) -> NDArray[np.float64]:
+    """Quantity (point, 1): the largest distance of the journal from the centre of the bearing in each cycle."""
+    x, y = case.journal_coordinates(bearing)
+    orbit = branch["orbit"]
+    return np.asarray(np.hypot(orbit[:, :, x], orbit[:, :, y]).max(axis=1)[:, None])
+
+
+def _draw_curve(
+    axes: Axes, branch: Table, parameter: str, values: NDArray[np.float64], bearing: int
+) -> list[NDArray[np.float64]]:
+    curve = thread_events(branch, parameter, values)
+    look = {
+        "color": style.BEARING_COLOURS[bearing % 2],
+        "linewidth": BEARING_WIDTHS[bearing % 2],
+        "alpha": BEARING_ALPHAS[bearing % 2],
+    }
+    for column in curve.values.T:
+        for start, stop in _runs(curve.stable):
+            line = "-" if curve.stable[start] else (0, (3.5, 1.8))
+            axes.plot(curve.parameter[start : stop + 1], column[start : stop + 1], linestyle=line, **look)
+        if len(curve.parameter) == 1:
+            axes.plot(curve.parameter, column, marker="o", linestyle="none", **look)
+        for row, kind in zip(curve.event_rows, event_names(branch), strict=True):
+            mark = EVENT_MARKS[kind]
+            axes.plot(
+                curve.parameter[row],
+                column[row],
+                marker=mark.marker,
+                markersize=5.5,
+                markerfacecolor=mark.colour,
+                markeredgecolor="white",
+                markeredgewidth=0.6,
+                linestyle="none",
+                zorder=5,
+            )
+    return [column for column in curve.values.T]
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last-plus-one index of every stretch of equal flags."""
+    if len(flags) == 0:
+        return []
+    edges = np.flatnonzero(flags[1:] != flags[:-1]) + 1
+    return list(zip([0, *edges.tolist()], [*edges.tolist(), len(flags)], strict=True))
+
+
+def _legend(bearings: int, kinds: set[str]) -> list[Line2D]:
+    handles = [
+        Line2D(
+            [],
+            [],
+            color=style.BEARING_COLOURS[bearing % 2],
+            linewidth=BEARING_WIDTHS[bearing % 2],
+            alpha=BEARING_ALPHAS[bearing % 2],
+            label=f"bearing {bearing + 1}",
+        )
+        for bearing in range(bearings)
+    ]
+    handles.append(Line2D([], [], color="#333333", linestyle="-", label="stable"))
+    handles.append(Line2D([], [], color="#333333", linestyle=(0, (3.5, 1.8)), label="unstable"))
+    for kind, mark in EVENT_MARKS.items():
+        if kind in kinds:
+            handles.append(event_handle(mark))
+    return handles
+
+
+def event_handle(mark: EventMark) -> Line2D:
+    """Legend entry of a bifurcation."""
+    return Line2D(
+        [],
+        [],
+        marker=mark.marker,
+        markersize=5.5,
+        color="none",
+        markerfacecolor=mark.colour,
+        markeredgecolor="white",
+        label=mark.label,
+    )
+
+
+def _progress(branches: Sequence[Table]) -> str:
+    """A remark in the title while the store is still being filled."""
+    running = any(branch.attributes.get("status") == "running" for branch in branches)
+    return f" (running, {sum(len(branch['speed']) for branch in branches)} points)" if running else ""

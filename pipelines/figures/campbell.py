@@ -1,0 +1,174 @@
+"""Campbell diagram: natural frequencies against rotating speed, critical speeds and their mode shapes."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from pipelines.figures import style
+from pipelines.figures.axes import add_parameter_axis, add_right, coloured_line, limits
+from pipelines.figures.contents import CaseView, Table
+
+DAMPING_MAP = "cividis"
+LARGEST_DAMPING = 0.5  # modes damped more than this are no criticals
+SHAPES = 4  # mode shapes drawn
+LINES = {"forward": "-", "backward": (0, (4, 1.5)), "mixed": ":"}
+RESONANCE_MARKS = {
+    "principal": ("D", style.VERMILION, r"$2\bar{\Omega}_j/n$"),
+    "sum": ("^", style.BLUE, r"$(\bar{\Omega}_j+\bar{\Omega}_k)/n$"),
+    "difference": ("v", style.GREEN, r"$|\bar{\Omega}_j-\bar{\Omega}_k|/n$"),
+}
+
+
+@style.in_style
+def draw_campbell(case: CaseView, criticals: Table) -> Figure:
+    """Frequencies coloured by damping, the synchronous line, critical speeds, mode shapes, predicted resonances."""
+    shapes = min(SHAPES, len(criticals["critical_speed"]))
+    resonances = len(criticals["resonance_frequency"]) if "resonance_frequency" in criticals else 0
+    ratios = [3.4] + ([1.25] if shapes else []) + ([1.1] if resonances else [])
+    figure = style.new_figure(1.1 + 1.35 * sum(ratios))
+    rows = figure.subfigures(len(ratios), 1, height_ratios=ratios)
+    panels = list(np.atleast_1d(rows))
+    _draw_frequencies(panels[0].subplots(), case, criticals)
+    if shapes:
+        _draw_shapes(np.atleast_1d(panels[1].subplots(1, shapes, sharey=True)), case, criticals)
+    if resonances:
+        _draw_resonances(panels[-1].subplots(), case, criticals)
+    return style.finish(figure, f"{case.name}: Campbell diagram", case.note)
+
+
+def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> None:
+    speed, frequency = criticals["speed"], criticals["frequency"]
+    damping, direction = criticals["damping_ratio"], criticals["direction"]
+    norm = Normalize(0.0, LARGEST_DAMPING)
+    lines = None
+    for mode in range(frequency.shape[1]):
+        for name, dashes in LINES.items():
+            shown = np.where(direction[:, mode] == name, frequency[:, mode], np.nan)
+            lines = coloured_line(
+                axes, speed, shown, damping[:, mode], norm, DAMPING_MAP, linestyle=dashes, linewidth=1.5
+            )
+    top = float(np.nanmax(frequency)) if np.isfinite(frequency).any() else float(np.max(speed))
+    top = min(top, 2.0 * float(np.max(speed)))
+    axes.plot([0.0, top], [0.0, top], color="#666666", linewidth=0.8, linestyle="-.")
+    axes.set_xlim(*limits(speed, 0.0))
+    axes.set_ylim(0.0, 1.04 * top)
+    _mark_criticals(axes, criticals)
+    axes.set_ylabel(r"natural frequency Im $\lambda$ [–]")
+    add_parameter_axis(axes, "speed", case.scales)
+    add_right(axes, case.scales.hertz, "natural frequency [Hz]")
+    if lines is not None:
+        bar = axes.figure.colorbar(lines, ax=axes, extend="max", pad=0.02, aspect=25)
+        bar.set_label("damping ratio [–]")
+    handles = [Line2D([], [], color="#333333", linestyle=LINES[name], label=name) for name in LINES]
+    handles.append(Line2D([], [], color="#666666", linewidth=0.8, linestyle="-.", label="synchronous"))
+    handles.append(_critical_handle())
+    axes.legend(handles=handles, loc="upper left", frameon=True, framealpha=0.9, edgecolor="none")
+
+
+def _critical_handle() -> Line2D:
+    return Line2D(
+        [],
+        [],
+        marker="o",
+        markersize=6,
+        markerfacecolor="white",
+        color="none",
+        markeredgecolor=style.VERMILION,
+        markeredgewidth=1.3,
+        label="critical speed",
+    )
+
+
+def _mark_criticals(axes: Axes, criticals: Table) -> None:
+    for number, speed in enumerate(criticals["critical_speed"], start=1):
+        axes.plot(
+            speed,
+            speed,
+            marker="o",
+            markersize=6,
+            markerfacecolor="white",
+            markeredgecolor=style.VERMILION,
+            markeredgewidth=1.3,
+            zorder=5,
+        )
+        axes.annotate(
+            str(number),
+            (speed, speed),
+            textcoords="offset points",
+            xytext=(6, -9),
+            fontsize=7.5,
+            color=style.VERMILION,
+        )
+
+
+def _draw_shapes(panels: NDArray[np.object_], case: CaseView, criticals: Table) -> None:
+    position = 1e3 * case.machine["node_position"]
+    bearings = position[case.machine["bearing_node"]]
+    for number, axes in enumerate(panels):
+        shape = instant_of_largest_deflection(criticals["critical_mode_shape"][number])
+        axes.axhline(0.0, color="#999999", linewidth=0.7)
+        axes.plot(position, shape[:, 1], "-", color=style.BLUE, marker=".", markersize=3, label="vertical")
+        axes.plot(
+            position, shape[:, 0], "--", color=style.VERMILION, marker=".", markersize=3, label="horizontal"
+        )
+        axes.plot(
+            bearings, np.zeros_like(bearings), linestyle="none", marker=6, color="#333333", label="bearing"
+        )
+        speed = float(criticals["critical_speed"][number])
+        damping = float(criticals["critical_damping_ratio"][number])
+        direction = criticals["critical_direction"][number]
+        axes.set_title(
+            rf"{number + 1}: $\bar{{\Omega}}$ = {speed:.3f} ({case.scales.rpm * speed:.0f} rpm)"
+            f"\n{direction}, damping {damping:.3f}",
+            fontsize=7.5,
+        )
+        axes.set_ylim(-1.15, 1.15)
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.set_xlabel("along the rotor [mm]")
+    panels[0].set_ylabel("deflection [–]")
+    handles, labels = panels[0].get_legend_handles_labels()
+    panels[0].figure.legend(handles, labels, loc="outside lower center", ncols=3)
+
+
+def instant_of_largest_deflection(shape: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Real displacements (node, 2) of a complex mode shape when it is farthest from the axis, largest one 1.
+
+    Re(u e^{-i a}) has its largest norm for a = arg(sum u^2) / 2.
+    """
+    phase = 0.5 * np.angle(np.sum(shape**2))
+    real = np.real(shape * np.exp(-1j * phase))
+    largest = np.max(np.hypot(real[:, 0], real[:, 1]))
+    return np.asarray(real / largest if largest > 0.0 else real)
+
+
+def _draw_resonances(axes: Axes, case: CaseView, criticals: Table) -> None:
+    frequency, order = criticals["resonance_frequency"], criticals["resonance_order"]
+    kind = criticals["resonance_kind"]
+    for name, (marker, colour, label) in RESONANCE_MARKS.items():
+        chosen = kind == name
+        if not chosen.any():
+            continue
+        axes.plot(
+            frequency[chosen],
+            order[chosen],
+            linestyle="none",
+            marker=marker,
+            color=colour,
+            markersize=5,
+            markeredgecolor="white",
+            markeredgewidth=0.5,
+            label=label,
+        )
+    axes.set_yticks(np.unique(order))
+    axes.set_ylim(float(order.max()) + 0.6, float(order.min()) - 0.6)
+    axes.set_xlim(0.0, limits(frequency, 0.04)[1])
+    axes.set_ylabel("order $n$")
+    axes.set_title("predicted parametric resonances and anti-resonances")
+    add_parameter_axis(axes, "excitation_frequency", case.scales)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05))

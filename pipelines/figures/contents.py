@@ -1,0 +1,63 @@
+"""What the figures are drawn from: plain arrays of one group, and what every figure of a case shares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.figures.axes import Scales
+
+
+class MissingData(Exception):
+    """A figure cannot be drawn because the store does not hold what it shows."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Arrays and attributes of one group of a store, trimmed to the rows that are committed."""
+
+    arrays: Mapping[str, NDArray[Any]]
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """The array of this name; raises MissingData where the group has none."""
+        if name not in self.arrays:
+            raise MissingData(f"the array {name!r} is not in the store")
+        return self.arrays[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.arrays
+
+    def attribute(self, name: str) -> float:
+        """A number kept as an attribute, NaN where it is absent or null."""
+        value = self.attributes.get(name)
+        return float("nan") if value is None else float(value)
+
+
+@dataclass(frozen=True)
+class CaseView:
+    """What every figure of one case needs: its name, its note, its scales and its machine."""
+
+    name: str
+    note: str
+    scales: Scales
+    machine: Table
+
+    @property
+    def bearings(self) -> int:
+        return len(self.machine["bearing_node"])
+
+    def journal_coordinates(self, bearing: int) -> tuple[int, int]:
+        """Columns of x and y of a journal among the coordinates of the masters (x, y of each in order)."""
+        masters = self.machine["master_node"]
+        place = int(np.flatnonzero(masters == self.machine["bearing_node"][bearing])[0])
+        return 2 * place, 2 * place + 1
+
+
+def stable_points(branch: Table) -> NDArray[np.bool_]:
+    """Points of a branch (point,) whose multipliers all lie inside the unit circle."""
+    return np.asarray(branch["unstable_count"] == 0)

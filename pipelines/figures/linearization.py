@@ -1,0 +1,143 @@
+"""Equilibria along the speed: eigenvalues, instability speed, bearing coefficients and the static journal locus."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pipelines.figures import style
+from pipelines.figures.axes import add_parameter_axis, clearance_circle, limits
+from pipelines.figures.contents import CaseView, Table
+
+COEFFICIENTS = (("xx", 0, 0), ("xy", 0, 1), ("yx", 1, 0), ("yy", 1, 1))
+RATIO_LINES = ("-", (0, (4, 1.5)), ":", "-.")
+
+
+@style.in_style
+def draw_linearization(case: CaseView, linear: Table) -> Figure:
+    """Growth and frequency of the leading eigenvalues, journal locus, stiffness and damping, all along the speed."""
+    figure = style.new_figure(7.6)
+    panels = figure.subplots(3, 2)
+    _draw_eigenvalues(panels[0, 0], panels[0, 1], linear)
+    _draw_locus(panels[1, 0], case, linear)
+    _draw_minimum_film(panels[1, 1], case, linear)
+    _draw_coefficients(panels[2, 0], linear, "bearing_stiffness", "stiffness", "K")
+    _draw_coefficients(panels[2, 1], linear, "bearing_damping", "damping", "C")
+    for row, column in ((0, 0), (0, 1)):
+        add_parameter_axis(panels[row, column], "speed", case.scales)
+    for axes in (panels[1, 1], panels[2, 0], panels[2, 1]):
+        add_parameter_axis(axes, "speed", case.scales, top=False)
+    _mark_instability([panels[0, 0], panels[0, 1], panels[1, 1], panels[2, 0], panels[2, 1]], linear)
+    figure.legend(handles=_legend(linear), loc="outside lower center", ncols=4)
+    instability = linear.attribute("instability_speed")
+    title = f"{case.name}: equilibria along the rotating speed"
+    if np.isfinite(instability):
+        title += rf", unstable above $\bar{{\Omega}}$ = {instability:.4f} ({case.scales.rpm * instability:.0f} rpm)"
+    return style.finish(figure, title, case.note)
+
+
+def _draw_eigenvalues(growth: Axes, frequency: Axes, linear: Table) -> None:
+    speed, eigenvalues = linear["speed"], linear["eigenvalues"]
+    along = np.broadcast_to(speed[:, None], eigenvalues.shape)
+    upper = np.isfinite(eigenvalues) & (eigenvalues.imag >= 0.0)
+    unstable = upper & (eigenvalues.real > 0.0)
+    for axes, part in ((growth, eigenvalues.real), (frequency, eigenvalues.imag)):
+        axes.plot(along[upper], part[upper], ".", color=style.BLUE, markersize=3.5)
+        axes.plot(along[unstable], part[unstable], ".", color=style.VERMILION, markersize=4.5)
+        axes.set_xlim(*limits(speed, 0.03))
+    growth.axhline(0.0, color="#333333", linewidth=0.9)
+    growth.set_ylabel(r"growth Re $\lambda$ [–]")
+    frequency.set_ylabel(r"frequency Im $\lambda$ [–]")
+    frequency.plot(speed, 0.5 * speed, color="#666666", linewidth=0.8, linestyle="-.")
+    frequency.annotate(
+        "half speed",
+        (speed[-1], 0.5 * speed[-1]),
+        textcoords="offset points",
+        xytext=(-2, 4),
+        ha="right",
+        fontsize=7,
+        color="#444444",
+    )
+
+
+def _draw_locus(axes: Axes, case: CaseView, linear: Table) -> None:
+    clearance_circle(axes)
+    journal = linear["journal"]
+    for bearing in range(case.bearings):
+        width, alpha = ((3.0, 0.4), (1.1, 1.0))[bearing % 2]
+        colour = style.BEARING_COLOURS[bearing % 2]
+        axes.plot(
+            journal[:, bearing, 0],
+            journal[:, bearing, 1],
+            color=colour,
+            linewidth=width,
+            alpha=alpha,
+            label=f"bearing {bearing + 1}",
+        )
+    for row, where in ((0, "lowest"), (len(journal) - 1, "highest")):
+        marker = "o" if row == 0 else "s"
+        axes.plot(
+            journal[row, :, 0],
+            journal[row, :, 1],
+            marker,
+            color="#333333",
+            markersize=3.5,
+            linestyle="none",
+            label=f"{where} speed",
+        )
+    axes.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08), xlabel=r"$\bar{x}_j$ [–]", ylabel=r"$\bar{y}_j$ [–]")
+    axes.set_title("static journal locus")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _draw_minimum_film(axes: Axes, case: CaseView, linear: Table) -> None:
+    for bearing in range(case.bearings):
+        width, alpha = ((3.0, 0.4), (1.1, 1.0))[bearing % 2]
+        axes.plot(
+            linear["speed"],
+            linear["minimum_film"][:, bearing],
+            color=style.BEARING_COLOURS[bearing % 2],
+            linewidth=width,
+            alpha=alpha,
+        )
+    axes.set_ylabel(r"minimum film $\bar{h}$ [–]")
+    axes.set_ylim(0.0, limits(linear["minimum_film"], 0.1)[1])
+    axes.set_xlim(*limits(linear["speed"], 0.03))
+
+
+def _draw_coefficients(axes: Axes, linear: Table, array: str, title: str, letter: str) -> None:
+    """Coefficients of the first bearing, one colour each, one dash per whirl ratio."""
+    values = linear[array][:, :, 0]
+    for number, (name, row, column) in enumerate(COEFFICIENTS):
+        for ratio in range(values.shape[1]):
+            axes.plot(
+                linear["speed"],
+                values[:, ratio, row, column],
+                color=style.CYCLE[number],
+                linestyle=RATIO_LINES[ratio % len(RATIO_LINES)],
+            )
+    axes.axhline(0.0, color="#666666", linewidth=0.6)
+    axes.set_ylabel(rf"{title} $\bar{{{letter}}}$ [–]")
+    axes.set_xlim(*limits(linear["speed"], 0.03))
+    axes.set_title(f"{title} of bearing 1")
+
+
+def _mark_instability(panels: list[Axes], linear: Table) -> None:
+    speed = linear.attribute("instability_speed")
+    if np.isfinite(speed):
+        for axes in panels:
+            axes.axvline(speed, color=style.VERMILION, linewidth=1.0, linestyle=":")
+
+
+def _legend(linear: Table) -> list[Line2D]:
+    handles = [
+        Line2D([], [], color=style.CYCLE[i], label=name) for i, (name, _, _) in enumerate(COEFFICIENTS)
+    ]
+    for number, ratio in enumerate(linear["whirl_ratio"]):
+        line = RATIO_LINES[number % len(RATIO_LINES)]
+        handles.append(Line2D([], [], color="#333333", linestyle=line, label=f"whirl ratio {float(ratio):g}"))
+    if np.isfinite(linear.attribute("instability_speed")):
+        handles.append(Line2D([], [], color=style.VERMILION, linestyle=":", label="instability speed"))
+    return handles

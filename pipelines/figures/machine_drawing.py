@@ -1,0 +1,196 @@
+"""Drawing of the machine to scale: elements, discs, bearings, masters and nodes (the paper's Fig. 2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon, Rectangle
+from numpy.typing import NDArray
+
+from pipelines.figures import style
+from pipelines.figures.contents import CaseView, Table
+
+MATERIAL_COLOURS = ("#B8C4CE", "#E8C896", "#A9CDB5", "#D8B4C8", "#C9C1A6", "#9FB8D8")
+DISC_COLOUR, BEARING_COLOUR = "#8C99A6", "#F2F2F2"
+LEAST_DISC_WIDTH = 0.012  # of the rotor length: a disc has no width in the model, it is drawn as a thin plate
+HOUSING = 0.55  # height of a bearing block over the journal radius
+MILLIMETRES = 1e3
+
+
+@style.in_style
+def draw_machine(case: CaseView) -> Figure:
+    """Side view of rotor and bearings, both axes in millimetres and equally scaled."""
+    machine = case.machine
+    position = MILLIMETRES * machine["node_position"]
+    reach = _reach(machine)
+    length = float(position[-1] - position[0])
+    figure = style.new_figure(max(2.1, min(5.0, 1.55 + (style.DOUBLE_COLUMN - 0.8) * 2.6 * reach / length)))
+    axes = figure.subplots()
+    axes.grid(False)
+    for bearing in range(case.bearings):
+        _draw_bearing(axes, machine, bearing)
+    _draw_elements(axes, machine, position)
+    _draw_discs(axes, machine, position)
+    _draw_supports(axes, machine, position, reach)
+    axes.axhline(0.0, color="#333333", linewidth=0.6, linestyle=(0, (8, 2, 1.5, 2)), zorder=4)
+    _draw_nodes(axes, machine, position, reach)
+    _draw_span(axes, machine, position, reach)
+    axes.set_xlim(position[0] - 0.04 * length, position[-1] + 0.04 * length)
+    axes.set_ylim(-1.75 * reach, 1.55 * reach)
+    axes.set_aspect("equal")
+    axes.set(xlabel="along the rotor [mm]", ylabel="radius [mm]")
+    axes.set_yticks([-reach, 0.0, reach], [f"{reach:.3g}", "0", f"{reach:.3g}"])
+    figure.legend(handles=_legend(machine), loc="outside lower center", ncols=4)
+    return style.finish(figure, f"{case.name}: rotor and bearings to scale", case.note)
+
+
+def _reach(machine: Table) -> float:
+    """Largest radius of anything drawn [mm]."""
+    bearings = (1.0 + HOUSING) * machine["bearing_radius"]
+    diameters = [machine["element_outer"], machine["disc_diameter_equivalent"]]
+    return MILLIMETRES * max(float(np.max(bearings)), *(0.5 * float(np.max(d)) for d in diameters if len(d)))
+
+
+def _draw_elements(axes: Axes, machine: Table, position: NDArray[np.float64]) -> None:
+    names = list(dict.fromkeys(machine["element_material"].tolist()))
+    for element, (start, length) in enumerate(
+        zip(position[:-1], MILLIMETRES * machine["element_length"], strict=True)
+    ):
+        colour = MATERIAL_COLOURS[names.index(machine["element_material"][element]) % len(MATERIAL_COLOURS)]
+        outer = 0.5 * MILLIMETRES * float(machine["element_outer"][element])
+        inner = 0.5 * MILLIMETRES * float(machine["element_inner"][element])
+        _box(axes, start, length, -outer, outer, colour, zorder=2)
+        if inner > 0.0:
+            _box(axes, start, length, -inner, inner, "white", zorder=2.5)
+
+
+def _draw_discs(axes: Axes, machine: Table, position: NDArray[np.float64]) -> None:
+    width = LEAST_DISC_WIDTH * float(position[-1] - position[0])
+    for node, diameter in zip(machine["disc_node"], machine["disc_diameter_equivalent"], strict=True):
+        radius = 0.5 * MILLIMETRES * float(diameter)
+        _box(axes, position[node] - 0.5 * width, width, -radius, radius, DISC_COLOUR, zorder=3)
+
+
+def _draw_bearing(axes: Axes, machine: Table, bearing: int) -> None:
+    """Two hatched blocks, above and below the journal; the clearance is far too small to be seen."""
+    centre = MILLIMETRES * float(machine["node_position"][machine["bearing_node"][bearing]])
+    length = MILLIMETRES * float(machine["bearing_length"][bearing])
+    radius = MILLIMETRES * float(machine["bearing_radius"][bearing])
+    for low, high in ((radius, (1.0 + HOUSING) * radius), (-(1.0 + HOUSING) * radius, -radius)):
+        _box(axes, centre - 0.5 * length, length, low, high, BEARING_COLOUR, zorder=1, hatch="/////")
+    axes.text(centre, (1.0 + HOUSING) * radius, f"B{bearing + 1}", ha="center", va="bottom", fontsize=7.5)
+
+
+def _draw_supports(axes: Axes, machine: Table, position: NDArray[np.float64], reach: float) -> None:
+    for node in machine["support_node"]:
+        x, size = float(position[node]), 0.25 * reach
+        corners = [(x, -0.75 * reach), (x - size, -0.75 * reach - size), (x + size, -0.75 * reach - size)]
+        axes.add_patch(
+            Polygon(corners, closed=True, facecolor="white", edgecolor="#333333", linewidth=0.8, zorder=3)
+        )
+
+
+def _draw_nodes(axes: Axes, machine: Table, position: NDArray[np.float64], reach: float) -> None:
+    masters = set(machine["master_node"].tolist())
+    for node, x in enumerate(position):
+        master = node in masters
+        axes.plot(
+            x,
+            0.0,
+            marker="o",
+            markersize=4.2 if master else 3.2,
+            zorder=5,
+            markeredgewidth=0.8,
+            markerfacecolor=style.VERMILION if master else "white",
+            markeredgecolor="#333333",
+        )
+        axes.annotate(
+            str(node),
+            (x, -1.08 * reach),
+            ha="center",
+            va="top",
+            fontsize=7,
+            fontweight="bold" if master else "normal",
+        )
+
+
+def _draw_span(axes: Axes, machine: Table, position: NDArray[np.float64], reach: float) -> None:
+    """The bearing span, as a dimension line below the nodes' numbers."""
+    left, right = (float(x) for x in sorted(position[machine["bearing_node"]])[:2])
+    height = 1.32 * reach
+    axes.annotate("", (left, height), (right, height), arrowprops={"arrowstyle": "<->", "linewidth": 0.7})
+    axes.text(
+        0.5 * (left + right),
+        height,
+        f"$L_s$ = {right - left:.4g} mm",
+        ha="center",
+        va="center",
+        fontsize=7.5,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+    )
+
+
+def _box(
+    axes: Axes,
+    x: float,
+    width: float,
+    low: float,
+    high: float,
+    colour: str,
+    zorder: float,
+    hatch: str | None = None,
+) -> None:
+    axes.add_patch(
+        Rectangle(
+            (x, low),
+            width,
+            high - low,
+            facecolor=colour,
+            edgecolor="#333333",
+            linewidth=0.6,
+            zorder=zorder,
+            hatch=hatch,
+        )
+    )
+
+
+def _legend(machine: Table) -> list[Line2D | Patch]:
+    names = list(dict.fromkeys(machine["element_material"].tolist()))
+    handles: list[Line2D | Patch] = [
+        Patch(
+            facecolor=MATERIAL_COLOURS[i % len(MATERIAL_COLOURS)],
+            edgecolor="#333333",
+            linewidth=0.6,
+            label=str(name),
+        )
+        for i, name in enumerate(names)
+    ]
+    if len(machine["disc_node"]):
+        handles.append(
+            Patch(facecolor=DISC_COLOUR, edgecolor="#333333", linewidth=0.6, label="disc (equal mass)")
+        )
+    handles.append(
+        Patch(
+            facecolor=BEARING_COLOUR,
+            edgecolor="#333333",
+            hatch="/////",
+            linewidth=0.6,
+            label="gas foil bearing",
+        )
+    )
+    for label, face in (("master node", style.VERMILION), ("slave node", "white")):
+        handles.append(
+            Line2D(
+                [],
+                [],
+                marker="o",
+                markersize=4.5,
+                color="none",
+                markerfacecolor=face,
+                markeredgecolor="#333333",
+                label=label,
+            )
+        )
+    return handles

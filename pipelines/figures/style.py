@@ -1,0 +1,144 @@
+"""One look for every figure, and files whose bytes depend on the drawing alone.
+
+Nothing here touches matplotlib's global state: figures are drawn and saved inside :func:`styled`, a context that
+restores the caller's settings, and are plain ``Figure`` objects that pyplot does not know.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, ParamSpec
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+Arguments = ParamSpec("Arguments")
+
+FORMATS = ("png", "svg", "pdf")
+
+# Okabe and Ito: distinguishable with every common kind of colour blindness, and in grey.
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+YELLOW, BLUE, VERMILION, PURPLE, GREY = "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#7F7F7F"
+CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK, GREY)
+BEARING_COLOURS = (BLUE, VERMILION)
+PARAMETER_MAP = "viridis"
+
+DOUBLE_COLUMN = 7.2  # inches: the width of a journal page
+
+SETTINGS = MappingProxyType(
+    {
+        "font.family": "DejaVu Sans",  # shipped with matplotlib, so it is the same everywhere
+        "font.size": 8.0,
+        "mathtext.fontset": "dejavusans",
+        "axes.titlesize": 8.5,
+        "axes.titlepad": 5.0,
+        "axes.labelsize": 8.5,
+        "axes.linewidth": 0.7,
+        "axes.axisbelow": True,
+        "axes.grid": True,
+        "grid.color": "#DDDDDD",
+        "grid.linewidth": 0.5,
+        "lines.linewidth": 1.3,
+        "lines.markersize": 4.0,
+        "legend.fontsize": 7.5,
+        "legend.frameon": False,
+        "legend.handlelength": 2.4,
+        "xtick.labelsize": 7.5,
+        "ytick.labelsize": 7.5,
+        "xtick.direction": "in",
+        "ytick.direction": "in",
+        "xtick.major.width": 0.7,
+        "ytick.major.width": 0.7,
+        "figure.dpi": 100.0,
+        "savefig.dpi": 200.0,
+        "figure.constrained_layout.use": True,
+        "figure.constrained_layout.h_pad": 0.06,
+        "figure.constrained_layout.w_pad": 0.06,
+        "svg.hashsalt": "agfb",  # otherwise identifiers are drawn at random
+        "svg.fonttype": "path",
+        "pdf.fonttype": 42,
+        "pdf.compression": 6,
+    }
+)
+
+# What matplotlib would otherwise write by itself: its version and the time of day.
+METADATA: MappingProxyType[str, dict[str, Any]] = MappingProxyType(
+    {
+        "png": {"Software": None},
+        "svg": {"Date": None, "Creator": None},
+        "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    }
+)
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Settings of this project while the block runs, starting from matplotlib's own defaults."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(SETTINGS)
+        yield
+
+
+def in_style(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
+    """Run a drawing function inside :func:`styled`: many settings are read when an artist is made."""
+
+    @wraps(draw)
+    def drawn(*arguments: Arguments.args, **options: Arguments.kwargs) -> Figure:
+        with styled():
+            return draw(*arguments, **options)
+
+    return drawn
+
+
+def new_figure(height: float, width: float = DOUBLE_COLUMN) -> Figure:
+    """An empty figure of ``width`` x ``height`` inches, drawn by Agg and unknown to pyplot."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def finish(figure: Figure, title: str, note: str = "") -> Figure:
+    """Give a figure its title and, where there is one, the note on what the machine is."""
+    figure.suptitle(title, fontsize=9.5, fontweight="bold")
+    if note:
+        figure.supxlabel(note, fontsize=6.5, color="#555555", style="italic", x=0.01, ha="left")
+    return figure
+
+
+def placeholder(title: str, message: str, note: str = "") -> Figure:
+    """A figure that says why there is nothing to see yet."""
+    with styled():
+        figure = new_figure(1.8)
+        axes = figure.subplots()
+        axes.axis("off")
+        axes.text(
+            0.5, 0.5, message, ha="center", va="center", fontsize=11, color=GREY, transform=axes.transAxes
+        )
+        return finish(figure, title, note)
+
+
+def save_figure(figure: Figure, path: Path) -> Path:
+    """Write a figure as PNG, SVG or PDF (by the suffix); equal figures give equal bytes.
+
+    The file appears at once and whole: it is written beside its place and then moved.
+
+    Raises ValueError for any other suffix.
+    """
+    kind = path.suffix.removeprefix(".")
+    if kind not in FORMATS:
+        raise ValueError(
+            f"cannot draw {path.name}: the format must be one of {', '.join(FORMATS)}, not {kind!r}"
+        )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(path.name + ".partial")
+    with styled():
+        figure.savefig(unfinished, format=kind, metadata=METADATA[kind])
+    os.replace(unfinished, path)
+    return path
