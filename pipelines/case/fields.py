@@ -1,18 +1,25 @@
 """How one configuration key is declared, and how a key is found from its path.
 
-Every key of the case models is declared with `quantity`, which attaches to the type and its bounds the unit and the
-physical reason of the bounds.  Error messages, the JSON schema and the generated reference are all made from that one
-declaration.
+Every key of the case models is declared with `quantity`, `choice` or `table`, which attach to the type and
+its bounds the unit and the physical reason of the bounds.  Error messages, the JSON schema and the generated
+reference are all made from that one declaration.
 """
 
 from __future__ import annotations
 
 import types
-from collections.abc import Sequence
 from typing import Annotated, Any, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo
 from pydantic.fields import FieldInfo
+
+Path = tuple[str | int, ...]
+"""Keys, array indices and free names from a table down to a value."""
+
+Misfit = tuple[Path, str]
+"""Where (a path below the validated key) and what is wrong."""
+
+Number = Annotated[float, Field(strict=True)]
 
 
 class Table(BaseModel):
@@ -23,16 +30,15 @@ class Table(BaseModel):
     )
 
 
-class Inconsistent(ValueError):
+class InconsistentError(ValueError):
     """Keys that are well-formed one by one but contradict each other.
 
-    `problems` holds pairs (path below the validated key, what is wrong and what is allowed), so that one check can
-    report several places.
+    One check can report several places; a plain message belongs to the validated key itself.
     """
 
-    def __init__(self, *problems: tuple[tuple[str | int, ...], str]) -> None:
-        self.problems = problems
-        super().__init__("; ".join(message for _, message in problems))
+    def __init__(self, *problems: str | Misfit) -> None:
+        self.problems = tuple(((), problem) if isinstance(problem, str) else problem for problem in problems)
+        super().__init__("; ".join(message for _, message in self.problems))
 
 
 def quantity(
@@ -47,7 +53,7 @@ def quantity(
     because: str = "",
     **constraints: Any,
 ) -> Any:
-    """Declare one scalar key: its meaning, SI unit ("1": dimensionless), default, bounds and the reason of the bounds.
+    """Declare one scalar key: meaning, SI unit ("1": dimensionless), default, bounds and their reason.
 
     Scalars are strict: a number written as a string or a boolean is refused.
     """
@@ -96,7 +102,7 @@ def inner_types(annotation: Any) -> tuple[Any, ...]:
 
 
 def model_of(annotation: Any) -> type[Table] | None:
-    """The table type inside an annotation such as `Foil`, `Ring | None`, `tuple[Disc, ...]`, `dict[str, Material]`."""
+    """The table type inside `Foil`, `Ring | None`, `tuple[Disc, ...]`, `dict[str, Material]`."""
     for kind in inner_types(annotation):
         if isinstance(kind, type) and issubclass(kind, Table):
             return kind
@@ -112,11 +118,11 @@ def is_collection(annotation: Any) -> bool:
     return any(get_origin(kind) in (tuple, dict) for kind in inner_types(annotation))
 
 
-def field_at(root: type[Table], path: Sequence[str | int]) -> tuple[type[Table] | None, FieldInfo | None]:
+def field_at(root: type[Table], path: Path) -> tuple[type[Table] | None, FieldInfo | None]:
     """Follow a path of keys, indices and free names from `root`.
 
-    Returns the table type that owns the last named key and the declaration of that key; (None, None) where the path
-    leaves the models, (owner, None) where the last key is unknown to its owner.
+    Returns the table type that owns the last named key and the declaration of that key; (None, None) where
+    the path leaves the models, (owner, None) where the last key is unknown to its owner.
     """
     owner: type[Table] | None = root
     field: FieldInfo | None = None
@@ -133,3 +139,23 @@ def field_at(root: type[Table], path: Sequence[str | int]) -> tuple[type[Table] 
         if field is None:
             return owner, None
     return owner, field
+
+
+def given(info: ValidationInfo, keys: tuple[str, ...]) -> list[str] | None:
+    """Those of `keys` that are set; None if one of them is itself invalid (then that is reported instead)."""
+    if any(key not in info.data for key in keys):
+        return None
+    return [key for key in keys if info.data[key] is not None and info.data[key] is not False]
+
+
+def require_one(info: ValidationInfo, value: Any, keys: tuple[str, ...], what: str) -> None:
+    """Refuse a group of alternative keys unless exactly one is set; `value` is that of the last key."""
+    chosen = given(info, keys[:-1])
+    if chosen is None:
+        return
+    if value is not None and value is not False:
+        chosen.append(keys[-1])
+    if len(chosen) != 1:
+        raise InconsistentError(
+            f"give exactly one of {', '.join(keys)} for {what}; given: {', '.join(chosen) or 'none'}"
+        )

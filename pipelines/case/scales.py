@@ -57,7 +57,7 @@ def foil_stiffness(foil: Foil, ambient_pressure: float, clearance: float) -> flo
 
 @dataclass(frozen=True)
 class BearingScales:
-    """One bearing in its own scales, and its own scales relative to the machine's (those of the first bearing)."""
+    """One bearing's own scales, absolute and relative to the machine's (those of the first bearing)."""
 
     time: float
     """Own film time t_b [s]."""
@@ -183,8 +183,8 @@ class Scales:
     def parameters(self, case: Case, displacement: float | None = None) -> tuple[float, float, float, float]:
         """The parameter vector of a case in the order of `PARAMETERS`.
 
-        `displacement` is the dimensionless ring displacement that belongs to `case.excitation.load`; it is needed
-        exactly when the case gives a load, and the ring's compliance is not known here.
+        `displacement` is the dimensionless ring displacement that belongs to `case.excitation.load`; it is
+        needed exactly when the case gives a load, and the ring's compliance is not known here.
 
         Raises ValueError if it is missing then, or given otherwise.
         """

@@ -1,0 +1,278 @@
+"""Tables of the rotor: materials, beam elements, discs, supports, master nodes."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from pipelines.case.fields import InconsistentError, Misfit, Table, quantity, require_one, table
+
+MAXIMUM_ELEMENTS = 500
+MAXIMUM_MASS = 1e5
+
+NodeNumber = Annotated[int, Field(strict=True, ge=0)]
+
+
+class Material(Table):
+    """An isotropic linear elastic material; give exactly one of `poisson_ratio` and `shear_modulus`."""
+
+    young_modulus: float = quantity(
+        "Young's modulus", "Pa", at_least=1e6, because="SI units are Pa, not GPa; steel has 206e9 Pa"
+    )
+    density: float = quantity(
+        "density", "kg/m3", above=0, at_most=1e5, because="SI units are kg/m3; steel has 7850 kg/m3"
+    )
+    poisson_ratio: float | None = quantity(
+        "Poisson's ratio",
+        "1",
+        None,
+        above=-1,
+        at_most=0.5,
+        because="an isotropic material is stable only for -1 < nu <= 1/2",
+    )
+    shear_modulus: float | None = quantity(
+        "shear modulus; Poisson's ratio is then E/(2G) - 1",
+        "Pa",
+        None,
+        above=0,
+        because="a beam without shear stiffness carries no load",
+    )
+
+    @field_validator("shear_modulus")
+    @classmethod
+    def _one_second_constant(cls, value: float | None, info: ValidationInfo) -> float | None:
+        require_one(info, value, ("poisson_ratio", "shear_modulus"), "the second elastic constant")
+        if value is not None and "young_modulus" in info.data:
+            poisson = info.data["young_modulus"] / (2 * value) - 1
+            if not -1 < poisson <= 0.5:
+                raise InconsistentError(
+                    f"gives Poisson's ratio E/(2G) - 1 = {poisson:.3g}; an isotropic material is "
+                    "stable only for -1 < nu <= 1/2"
+                )
+        return value
+
+    @property
+    def resolved_poisson_ratio(self) -> float:
+        """Poisson's ratio, from the shear modulus if that was given."""
+        if self.poisson_ratio is not None:
+            return self.poisson_ratio
+        assert self.shear_modulus is not None
+        return self.young_modulus / (2 * self.shear_modulus) - 1
+
+
+STEEL = Material(young_modulus=206e9, density=7850.0, poisson_ratio=0.3)
+
+
+class Element(Table):
+    """`count` equal consecutive cylindrical beam elements; node numbers run from 0 along the rotor."""
+
+    length: float = quantity(
+        "length of one element",
+        "m",
+        above=0,
+        at_most=100,
+        because="an element without length has no stiffness",
+    )
+    outer_diameter: float = quantity(
+        "outer diameter", "m", above=0, at_most=100, because="the section must have material"
+    )
+    inner_diameter: float = quantity(
+        "inner diameter, 0 for a solid shaft", "m", 0.0, at_least=0, because="0 is a solid shaft"
+    )
+    material: str = quantity("name of a table of [rotor.materials]", "", "steel")
+    count: int = quantity(
+        "number of equal elements in a row",
+        "",
+        1,
+        at_least=1,
+        at_most=MAXIMUM_ELEMENTS,
+        because=f"a rotor has 1 to {MAXIMUM_ELEMENTS} elements",
+    )
+
+    @field_validator("inner_diameter")
+    @classmethod
+    def _wall(cls, value: float, info: ValidationInfo) -> float:
+        outer = info.data.get("outer_diameter")
+        if outer is not None and value >= outer:
+            raise InconsistentError(
+                f"must be smaller than outer_diameter = {outer:g} m: the wall has no thickness otherwise"
+            )
+        return value
+
+
+class Disc(Table):
+    """A rigid disc at a node."""
+
+    node: int = quantity("node of the disc", "", at_least=0, because="nodes are numbered from 0")
+    mass: float = quantity(
+        "mass", "kg", at_least=0, at_most=MAXIMUM_MASS, because="mass cannot be negative and is in kg"
+    )
+    diametral_inertia: float = quantity(
+        "moment of inertia about a diameter", "kg m2", at_least=0, because="inertia cannot be negative"
+    )
+    polar_inertia: float = quantity(
+        "moment of inertia about the rotor axis", "kg m2", at_least=0, because="inertia cannot be negative"
+    )
+
+    @field_validator("polar_inertia")
+    @classmethod
+    def _rigid_body(cls, value: float, info: ValidationInfo) -> float:
+        diametral = info.data.get("diametral_inertia")
+        # I_d = I_p/2 + (integral of z^2 dm); the margin admits values rounded to six digits.
+        if diametral is not None and value > 2 * diametral * (1 + 1e-5):
+            raise InconsistentError(
+                f"must be at most 2 x diametral_inertia = {2 * diametral:g} kg m2: no rigid body has more"
+            )
+        return value
+
+
+class Support(Table):
+    """An extra linear support to ground at a node."""
+
+    node: int = quantity("node of the support", "", at_least=0, because="nodes are numbered from 0")
+    stiffness_xx: float = quantity("horizontal stiffness", "N/m", at_least=0, because="a support pulls back")
+    stiffness_yy: float = quantity("vertical stiffness", "N/m", at_least=0, because="a support pulls back")
+    stiffness_xy: float = quantity("cross-coupled stiffness, force in x by displacement in y", "N/m", 0.0)
+    stiffness_yx: float = quantity("cross-coupled stiffness, force in y by displacement in x", "N/m", 0.0)
+    damping_xx: float = quantity(
+        "horizontal damping", "N s/m", 0.0, at_least=0, because="a passive support dissipates"
+    )
+    damping_yy: float = quantity(
+        "vertical damping", "N s/m", 0.0, at_least=0, because="a passive support dissipates"
+    )
+
+
+class Rotor(Table):
+    """A flexible rotor of beam elements, condensed onto its master nodes."""
+
+    materials: dict[str, Material] = table(
+        "materials by name; `steel` (E 206e9 Pa, nu 0.3, 7850 kg/m3) if the table is left out",
+        {"steel": STEEL},
+        min_length=1,
+        max_length=100,
+    )
+    elements: tuple[Element, ...] = table(
+        "beam elements from left to right", min_length=1, max_length=MAXIMUM_ELEMENTS
+    )
+    discs: tuple[Disc, ...] = table("rigid discs", (), max_length=MAXIMUM_ELEMENTS)
+    supports: tuple[Support, ...] = table("extra linear supports to ground", (), max_length=MAXIMUM_ELEMENTS)
+    masters: tuple[NodeNumber, ...] = table(
+        "master nodes, rising; their translations are kept by the Guyan condensation",
+        max_length=MAXIMUM_ELEMENTS + 1,
+    )
+    rayleigh_mass: float = quantity(
+        "alpha of the damping alpha M + beta K", "1/s", 0.0, at_least=0, because="damping dissipates"
+    )
+    rayleigh_stiffness: float = quantity(
+        "beta of the damping alpha M + beta K", "s", 0.0, at_least=0, because="damping dissipates"
+    )
+    gravity: float = quantity(
+        "acceleration of gravity, along -y",
+        "m/s2",
+        9.81,
+        at_least=0,
+        at_most=1000,
+        because="gravity points along -y; 0 is a weightless or vertical rotor",
+    )
+
+    @field_validator("elements")
+    @classmethod
+    def _elements(cls, elements: tuple[Element, ...], info: ValidationInfo) -> tuple[Element, ...]:
+        problems: list[str | Misfit] = []
+        total = sum(element.count for element in elements)
+        if total > MAXIMUM_ELEMENTS:
+            problems.append(f"make {total} elements; at most {MAXIMUM_ELEMENTS} are allowed")
+        materials = info.data.get("materials")
+        for index, element in enumerate(elements):
+            if materials is not None and element.material not in materials:
+                problems.append(
+                    ((index, "material"), f"no such material; defined: {', '.join(sorted(materials))}")
+                )
+        if problems:
+            raise InconsistentError(*problems)
+        if materials is not None and not 0 < (mass := _mass(materials, elements, ())) <= MAXIMUM_MASS:
+            raise InconsistentError(
+                f"weigh {mass:.3g} kg; at most {MAXIMUM_MASS:g} kg are allowed: are lengths in m and "
+                "densities in kg/m3?"
+            )
+        return elements
+
+    @field_validator("discs", "supports")
+    @classmethod
+    def _on_the_shaft(cls, attached: tuple[Any, ...], info: ValidationInfo) -> tuple[Any, ...]:
+        last = _last_node(info)
+        off = [
+            ((index, "node"), off_shaft(item.node, last))
+            for index, item in enumerate(attached)
+            if last is not None and item.node > last
+        ]
+        if off:
+            raise InconsistentError(*off)
+        return attached
+
+    @field_validator("masters")
+    @classmethod
+    def _masters(cls, masters: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
+        last = _last_node(info)
+        problems: list[str | Misfit] = [
+            ((index,), off_shaft(node, last))
+            for index, node in enumerate(masters)
+            if last is not None and node > last
+        ]
+        if len(masters) < 2:
+            problems.append("must name at least two nodes: the rotor stands on two bearings")
+        if any(a >= b for a, b in pairwise(masters)):
+            problems.append("must rise strictly, each node once")
+        if problems:
+            raise InconsistentError(*problems)
+        return masters
+
+    def single_elements(self) -> tuple[Element, ...]:
+        """One `Element` with count 1 per finite element, from left to right."""
+        return tuple(
+            element.model_copy(update={"count": 1}) for element in self.elements for _ in range(element.count)
+        )
+
+    def node_positions(self) -> tuple[float, ...]:
+        """Axial position of every node [m]; node 0 lies at 0."""
+        positions = [0.0]
+        for element in self.single_elements():
+            positions.append(positions[-1] + element.length)
+        return tuple(positions)
+
+    @property
+    def node_count(self) -> int:
+        """Number of nodes, one more than elements."""
+        return 1 + sum(element.count for element in self.elements)
+
+    @property
+    def mass(self) -> float:
+        """Mass of shaft and discs [kg]."""
+        return _mass(self.materials, self.elements, self.discs)
+
+
+def _last_node(info: ValidationInfo) -> int | None:
+    elements = info.data.get("elements")
+    return None if elements is None else sum(element.count for element in elements)
+
+
+def off_shaft(node: int, last: int | None) -> str:
+    """Message for a node beyond the last one."""
+    return f"node {node} is not on the shaft, whose nodes are 0 to {last}"
+
+
+def _mass(materials: dict[str, Material], elements: tuple[Element, ...], discs: tuple[Disc, ...]) -> float:
+    """m = sum rho pi/4 (d_o^2 - d_i^2) l + discs."""
+    shaft = sum(
+        element.count
+        * element.length
+        * materials[element.material].density
+        * math.pi
+        / 4
+        * (element.outer_diameter**2 - element.inner_diameter**2)
+        for element in elements
+    )
+    return shaft + sum(disc.mass for disc in discs)

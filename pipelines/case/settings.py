@@ -1,0 +1,262 @@
+"""Tables of the operating point, the numerics and the stages."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from pydantic import ValidationInfo, field_validator
+
+from pipelines.case.fields import InconsistentError, Number, Table, choice, quantity, require_one, table
+
+
+def _require_rising(value: tuple[float, float] | None) -> tuple[float, float] | None:
+    if value is not None and not value[0] < value[1]:
+        raise InconsistentError(f"must be [low, high] with low < high, given [{value[0]:g}, {value[1]:g}]")
+    return value
+
+
+class Operation(Table):
+    """The operating point; exactly one of `speed` and `speed_rpm`."""
+
+    speed: float | None = quantity(
+        "dimensionless rotating speed Omega (the bearing number of the first bearing)",
+        "1",
+        None,
+        above=0,
+        at_most=1e3,
+        because="the film carries by rotation",
+    )
+    speed_rpm: float | None = quantity(
+        "rotating speed", "rpm", None, above=0, because="the film carries by rotation"
+    )
+
+    @field_validator("speed_rpm")
+    @classmethod
+    def _one_speed(cls, value: float | None, info: ValidationInfo) -> float | None:
+        require_one(info, value, ("speed", "speed_rpm"), "the rotating speed")
+        return value
+
+
+class Numerics(Table):
+    """Grid, schemes and tolerances."""
+
+    circumferential: int = quantity(
+        "circumferential intervals of the film grid",
+        "",
+        40,
+        at_least=8,
+        at_most=1024,
+        because="fewer do not resolve the pressure wave, more do not fit in memory",
+    )
+    axial: int = quantity(
+        "axial unknowns on the half film",
+        "",
+        3,
+        at_least=1,
+        at_most=32,
+        because="Chebyshev collocation converges with 2 to 4; stiffness grows like its fourth power",
+    )
+    scheme: Literal["central", "backward"] = choice(
+        "circumferential convection: `central` second order, `backward` the paper's first order", "central"
+    )
+    axial_scheme: Literal["chebyshev", "uniform"] = choice(
+        "`chebyshev` collocation or the paper's `uniform` differences", "chebyshev"
+    )
+    stepper: Literal["rk4"] = choice("time stepper of the period map", "rk4")
+    steps_per_period: int | None = quantity(
+        "time steps per excitation period; default: from the measured spectral radius",
+        "",
+        None,
+        at_least=8,
+        at_most=10_000_000,
+        because="a period needs steps to be resolved",
+    )
+    newton_tolerance: float = quantity(
+        "tolerance of Newton's method on the dimensionless residual",
+        "1",
+        1e-10,
+        above=0,
+        at_most=1e-3,
+        because="events are located far below it otherwise",
+    )
+    newton_iterations: int = quantity(
+        "most Newton iterations per point",
+        "",
+        12,
+        at_least=1,
+        at_most=1000,
+        because="one iteration is the least",
+    )
+    multiplier_cut: float = quantity(
+        "Floquet multipliers above this modulus are kept in the slow subspace",
+        "1",
+        1e-3,
+        above=0,
+        below=1,
+        because="multipliers near the unit circle must be inside, decayed ones outside",
+    )
+    event_tolerance: float = quantity(
+        "tolerance of located bifurcations in the parameter",
+        "1",
+        1e-8,
+        above=0,
+        at_most=1e-2,
+        because="a bracket is halved until it is this narrow",
+    )
+    max_columns: int = quantity(
+        "most columns of the slow subspace",
+        "",
+        64,
+        at_least=2,
+        at_most=4096,
+        because="a pair of multipliers needs two columns",
+    )
+
+
+class Linearize(Table):
+    """Equilibria and eigenvalues along the speed."""
+
+    speed_range: tuple[Number, Number] = table("dimensionless speeds from, to", (0.2, 1.6), unit="1")
+    points: int = quantity(
+        "number of speeds", "", 41, at_least=2, at_most=100_000, because="a range has two ends"
+    )
+    whirl_ratios: tuple[Number, ...] = table(
+        "whirl frequency / rotating speed at which bearing stiffness and damping are given",
+        (0.5, 1.0),
+        unit="1",
+        min_length=1,
+        max_length=1000,
+    )
+    eigenvalues: int = quantity(
+        "number of leading eigenvalues", "", 12, at_least=1, at_most=500, because="one is the least"
+    )
+
+    @field_validator("speed_range")
+    @classmethod
+    def _range(cls, value: tuple[float, float]) -> tuple[float, float] | None:
+        return _positive_range(value, "the film carries by rotation")
+
+    @field_validator("whirl_ratios")
+    @classmethod
+    def _positive(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        if min(value) <= 0:
+            raise InconsistentError(
+                "must be positive: damping is the quadrature part over the whirl frequency"
+            )
+        return value
+
+
+class Criticals(Table):
+    """Critical speeds, Campbell diagram and the table of parametric resonances."""
+
+    speed_range: tuple[Number, Number] = table("dimensionless speeds from, to", (0.1, 2.0), unit="1")
+    points: int = quantity(
+        "number of speeds", "", 41, at_least=2, at_most=100_000, because="a range has two ends"
+    )
+    max_damping_ratio: float = quantity(
+        "modes damped more than this are no critical speeds",
+        "1",
+        0.5,
+        above=0,
+        at_most=1,
+        because="a damping ratio of 1 no longer oscillates",
+    )
+    orders: int = quantity(
+        "largest order n of the resonances 2 Omega_j/n and |Omega_j +- Omega_k|/n",
+        "",
+        3,
+        at_least=1,
+        at_most=20,
+        because="order 1 is the principal resonance",
+    )
+    unbalance_points: int = quantity(
+        "speeds of the unbalance response that compares full and condensed rotor",
+        "",
+        200,
+        at_least=2,
+        at_most=100_000,
+        because="a range has two ends",
+    )
+
+    @field_validator("speed_range")
+    @classmethod
+    def _range(cls, value: tuple[float, float]) -> tuple[float, float] | None:
+        return _positive_range(value, "the film carries by rotation")
+
+
+def _positive_range(value: tuple[float, float], because: str) -> tuple[float, float] | None:
+    if value[0] <= 0:
+        raise InconsistentError(((0,), f"must be > 0: {because}"))
+    return _require_rising(value)
+
+
+class ContinueCycles(Table):
+    """Continuation of limit cycles in one parameter."""
+
+    parameter: Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"] = choice(
+        "dimensionless parameter that is continued; `foil_stiffness` scales both foils together", "speed"
+    )
+    range: tuple[Number, Number] = table(
+        "values of the parameter between which the branch is followed", (0.2, 1.6), unit="1"
+    )
+    start: float | None = quantity(
+        "value of the parameter where the branch starts; default: the case's own value", "1", None
+    )
+    formulation: Literal["stroboscopic", "autonomous"] = choice(
+        "`stroboscopic`: period map of the forced system; `autonomous`: unknown period with an integral "
+        "phase condition (needed for self-excited whirl, displacement 0)",
+        "stroboscopic",
+    )
+    step: float = quantity(
+        "first arclength step", "1", 0.02, above=0, because="a branch is followed in steps"
+    )
+    minimum_step: float = quantity(
+        "the branch ends when a step would be shorter",
+        "1",
+        1e-5,
+        above=0,
+        because="a branch is followed in steps",
+    )
+    maximum_step: float = quantity(
+        "longest arclength step", "1", 0.05, above=0, because="a branch is followed in steps"
+    )
+    max_points: int = quantity(
+        "the branch ends after this many points",
+        "",
+        200,
+        at_least=1,
+        at_most=100_000,
+        because="the store is laid out for them",
+    )
+    direction: Literal["up", "down", "both"] = choice("direction of the parameter at the start", "up")
+
+    @field_validator("range")
+    @classmethod
+    def _range(cls, value: tuple[float, float], info: ValidationInfo) -> tuple[float, float] | None:
+        parameter = info.data.get("parameter")
+        if parameter == "displacement":
+            if value[0] < 0 or value[1] >= 1:
+                raise InconsistentError(
+                    "must lie within 0 <= displacement < 1: the ring closes the film otherwise"
+                )
+            return _require_rising(value)
+        return _positive_range(value, "this parameter is positive")
+
+    @field_validator("start")
+    @classmethod
+    def _start(cls, value: float | None, info: ValidationInfo) -> float | None:
+        low, high = info.data.get("range", (-math.inf, math.inf))
+        if value is not None and not low <= value <= high:
+            raise InconsistentError(f"must lie inside range = [{low:g}, {high:g}]")
+        return value
+
+    @field_validator("maximum_step")
+    @classmethod
+    def _steps(cls, value: float, info: ValidationInfo) -> float:
+        minimum, step = info.data.get("minimum_step", 0.0), info.data.get("step", value)
+        if not minimum <= step <= value:
+            raise InconsistentError(
+                f"minimum_step <= step <= maximum_step must hold, given {minimum:g}, {step:g}, {value:g}"
+            )
+        return value
