@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 Scalar = str | int | float | bool | None
+FailedBy = Literal["case", "store", "bug"]
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,9 @@ class StageResult:
 
     `ok` is False when the case could not be computed as asked; `stop_reason` then names why and `advice` is a
     sentence that tells the user what to change. `summary` holds the few numbers worth a line on the terminal
-    (plain scalars only; NaN is not allowed, None stands for a missing number).
+    (plain scalars only; NaN is not allowed, None stands for a missing number). `failed_by` tells a case that cannot
+    be computed from a store that cannot be read and from an error of this program, whose `traceback` is kept; both
+    are filled in by the scheduling.
     """
 
     case_id: str
@@ -39,6 +42,8 @@ class StageResult:
     stop_reason: str
     advice: str = ""
     summary: Mapping[str, Scalar] = field(default_factory=dict)
+    failed_by: FailedBy = "case"
+    traceback: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """The result as plain dictionaries and scalars, fit for JSON and for another process."""

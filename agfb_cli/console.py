@@ -1,0 +1,94 @@
+"""Where text goes: data to stdout, messages and progress to stderr."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Timer
+from typing import Any, TextIO
+
+_CLEAR_LINE = "\r\x1b[K"
+
+
+@dataclass(frozen=True)
+class Console:
+    """Writes for one command. `quiet` keeps errors and data only; `verbose` adds details."""
+
+    quiet: bool = False
+    verbose: bool = False
+    json: bool = False
+    traceback: bool = False
+
+    @property
+    def error_stream(self) -> TextIO:
+        """The stream of messages; looked up when used, so that redirection by a caller is respected."""
+        return sys.stderr
+
+    @property
+    def animated(self) -> bool:
+        """Whether a line may be overwritten: only on a terminal."""
+        return not self.quiet and self.error_stream.isatty()
+
+    def data(self, text: str) -> None:
+        """Write a result to stdout."""
+        print(text, file=sys.stdout)
+
+    def json_data(self, value: Any) -> None:
+        """Write a result to stdout as JSON; NaN is refused because JSON has none."""
+        self.data(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False))
+
+    def message(self, text: str) -> None:
+        """Tell the user something, unless quiet."""
+        if not self.quiet:
+            self._line(text)
+
+    def detail(self, text: str) -> None:
+        """Tell the user something that only `--verbose` asks for."""
+        if self.verbose and not self.quiet:
+            self._line(text)
+
+    def error(self, text: str) -> None:
+        """Say what went wrong, quiet or not."""
+        self._line(text)
+
+    def transient(self, text: str) -> None:
+        """Overwrite the current line of a terminal."""
+        self.error_stream.write(_CLEAR_LINE + text)
+        self.error_stream.flush()
+
+    def _line(self, text: str) -> None:
+        start = _CLEAR_LINE if self.error_stream.isatty() else ""
+        print(start + text, file=self.error_stream, flush=True)
+
+    @contextmanager
+    def announce_if_slow(self, text: str, seconds: float) -> Iterator[None]:
+        """Say `text` once if the body takes longer than `seconds`."""
+        timer = Timer(seconds, self.message, (text,))
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Columns of text, left-aligned, two spaces apart; numbers to six significant digits."""
+    cells = [list(header), *([_cell(value) for value in row] for row in rows)]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(header))]
+    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def name_values(values: Mapping[str, object]) -> str:
+    """`name=value` pairs on one line, underscores of the names as spaces."""
+    return ", ".join(f"{name.replace('_', ' ')} {_cell(value)}" for name, value in values.items())
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,141 @@
+"""Exit codes, and what to tell the user about each kind of error."""
+
+from __future__ import annotations
+
+import errno
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import IntEnum
+
+import typer
+
+from agfb_cli.console import Console
+
+
+class ExitCode(IntEnum):
+    """What the shell sees."""
+
+    DONE = 0
+    BUG = 1
+    USAGE = 2
+    CASES_FAILED = 3
+    STORE = 4
+    RESOURCES = 5
+    INTERRUPTED = 130
+    TERMINATED = 143
+
+
+class UsageProblem(Exception):
+    """The command cannot be carried out as typed; `hint` says what to try instead."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+class StoreProblem(Exception):
+    """The store cannot be used for what was asked; `hint` says what to try instead."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """An error in the user's terms."""
+
+    code: ExitCode
+    message: str
+    hint: str = ""
+
+
+_FULL = {errno.ENOSPC: "no space left on the disk", errno.EDQUOT: "disk quota exceeded", errno.EFBIG: "file too large"}
+_EXHAUSTED = {errno.EMFILE: "too many open files", errno.ENFILE: "too many open files", errno.ENOMEM: "out of memory"}
+_FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)
+_RESUMES = "what was committed is kept; the same command goes on from there"
+
+
+def explain(error: BaseException) -> Explanation:
+    """Map an exception to an exit code and a message.
+
+    The packages that define the project's own errors are looked up among the loaded modules: an error of theirs
+    cannot exist before they are loaded, and loading them here would cost a second for nothing.
+    """
+    if isinstance(error, UsageProblem):
+        return Explanation(ExitCode.USAGE, str(error), error.hint)
+    if isinstance(error, StoreProblem):
+        return Explanation(ExitCode.STORE, str(error), error.hint)
+    if _is_from(error, "pipelines.case.reading", "CaseError"):
+        return Explanation(ExitCode.USAGE, str(error))
+    if _is_from(error, "pipelines.datasets.store", "StoreError"):
+        return Explanation(ExitCode.STORE, str(error))
+    if isinstance(error, MemoryError):
+        return Explanation(ExitCode.RESOURCES, "out of memory", "use a smaller grid or fewer workers; " + _RESUMES)
+    if isinstance(error, OSError):
+        return _explain_system_error(error)
+    if isinstance(error, ImportError) and (error.name or "").split(".")[0] in ("pipelines", "agfb_cli"):
+        return Explanation(ExitCode.RESOURCES, f"{error}", "`agfb doctor` checks the installation")
+    if isinstance(error, RuntimeError) and "no locator available" in str(error):
+        return Explanation(
+            ExitCode.RESOURCES,
+            "numba finds no directory that it may write its compiled kernels to",
+            "set the environment variable NUMBA_CACHE_DIR to a writable directory",
+        )
+    return Explanation(
+        ExitCode.BUG,
+        f"unexpected {type(error).__name__}: {error}",
+        "this is a bug in agfb: please report it with the output of the same command with --traceback",
+    )
+
+
+def _explain_system_error(error: OSError) -> Explanation:
+    where = f"{error.filename}: " if error.filename else ""
+    if error.errno in _FULL:
+        return Explanation(ExitCode.RESOURCES, where + _FULL[error.errno], "make room; " + _RESUMES)
+    if error.errno in _EXHAUSTED:
+        return Explanation(ExitCode.RESOURCES, where + _EXHAUSTED[error.errno], _RESUMES)
+    if error.errno in _FORBIDDEN:
+        return Explanation(
+            ExitCode.STORE, f"{where}{error.strerror}", "name a directory that you may write to with -o"
+        )
+    if error.errno == errno.EIO:
+        return Explanation(ExitCode.RESOURCES, f"{where}{error.strerror}", "the disk or network file system fails")
+    return Explanation(
+        ExitCode.BUG,
+        f"unexpected {type(error).__name__}: {error}",
+        "this is a bug in agfb: please report it with the output of the same command with --traceback",
+    )
+
+
+def _is_from(error: BaseException, module: str, name: str) -> bool:
+    kind = getattr(sys.modules.get(module), name, None)
+    return isinstance(kind, type) and isinstance(error, kind)
+
+
+@contextmanager
+def explained(console: Console) -> Iterator[None]:
+    """Run a command's body; turn every error into a message on stderr and an exit code."""
+    try:
+        yield
+        sys.stdout.flush()
+    except typer.Exit:
+        raise
+    except KeyboardInterrupt:
+        console.error("interrupted")
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
+    except BrokenPipeError:
+        # The reader of our output (`| head`) has seen enough. Python must not flush into the closed pipe again.
+        sys.stdout = sys.__stdout__ = None  # type: ignore[assignment, misc]
+        raise typer.Exit(ExitCode.DONE) from None
+    except Exception as error:
+        if console.traceback:
+            console.error("".join(traceback.format_exception(error)).rstrip())
+        explanation = explain(error)
+        console.error(f"error: {explanation.message}")
+        if explanation.hint:
+            console.error(f"hint: {explanation.hint}")
+        raise typer.Exit(explanation.code) from None

@@ -1,0 +1,36 @@
+"""The options that several commands share: declared once, so that they read the same everywhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="TOML file that describes the case or cases.")]
+Store = Annotated[Path, typer.Argument(metavar="STORE", help="Store written by an earlier command.")]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="STORE", help="Store to write. Default: build/NAME.zarr for NAME.toml."
+    ),
+]
+Assignments = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Replace one key of the configuration, for instance excitation.displacement=0.1. Repeatable.",
+    ),
+]
+CasePattern = Annotated[
+    str | None, typer.Option("--case", metavar="GLOB", help="Only the cases whose name matches.")
+]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be computed and stop.")]
+Force = Annotated[
+    bool, typer.Option("--force", help="Start afresh: an existing store is moved aside, never deleted.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Errors and results only.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="More details on stderr.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Results on stdout as JSON.")]
+Traceback = Annotated[bool, typer.Option("--traceback", help="Show where in the program an error arose.")]

@@ -1,0 +1,239 @@
+"""The rules that keep the floors apart, read from the sources themselves."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+FLOORS = {
+    "agfb_cli": {"stages", "figures", "datasets", "case"},
+    "stages": {"datasets", "bifurcations", "orbits", "machine", "case"},
+    "figures": {"datasets"},
+    "datasets": {"case"},
+    "bifurcations": {"orbits"},
+    "orbits": {"machine", "case"},
+    "machine": {"case"},
+    "case": set(),
+}
+# Third-party packages that may appear on some floors only. What is not listed may appear anywhere below agfb_cli.
+CONFINED = {
+    "typer": {"agfb_cli"},
+    "rich": set(),
+    "packaging": {"agfb_cli"},
+    "pydantic": {"case"},
+    "pydantic_core": {"case"},
+    "tomllib": {"case"},
+    "zarr": {"datasets"},
+    "numcodecs": {"datasets"},
+    "xarray": {"datasets"},
+    "dask": {"stages"},
+    "distributed": {"stages"},
+    "matplotlib": {"figures"},
+    "numba": {"machine", "orbits"},
+    "pickle": set(),
+    "yaml": set(),
+    "pandas": set(),
+}
+TOP_LEVEL_FOLDERS = {"agfb_cli", "pipelines", "configs", "tests"}
+MADE_BY_TOOLS = {"build", "dist"}
+MUTABLE_CONSTRUCTORS = {"list", "dict", "set", "defaultdict", "deque", "OrderedDict", "Counter", "bytearray"}
+MUTATING_METHODS = {
+    "append", "extend", "insert", "remove", "pop", "popitem", "clear", "update", "setdefault", "add", "discard", "sort",
+}  # fmt: skip
+
+MODULES = sorted([*(ROOT / "pipelines").rglob("*.py"), *(ROOT / "agfb_cli").rglob("*.py")])
+PARSED = {path: ast.parse(path.read_text(encoding="utf-8"), filename=str(path)) for path in MODULES}
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def floor_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).parts
+    return "agfb_cli" if parts[0] == "agfb_cli" else parts[1].removesuffix(".py")
+
+
+def package_of(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).parent.parts)
+
+
+def floor_of_import(module: str) -> str | None:
+    parts = module.split(".")
+    if parts[0] == "agfb_cli":
+        return "agfb_cli"
+    return parts[1] if parts[0] == "pipelines" and len(parts) > 1 else None
+
+
+def imported_modules(tree: ast.AST, package: str) -> Iterator[tuple[int, str]]:
+    """The absolute name of every module that a module of `package` imports, in function bodies too."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            module = absolute_name(node, package)
+            if module == "pipelines":
+                yield from ((node.lineno, f"pipelines.{alias.name}") for alias in node.names)
+            else:
+                yield node.lineno, module
+
+
+def absolute_name(node: ast.ImportFrom, package: str) -> str:
+    """`from ..case import models` in pipelines.machine is pipelines.case."""
+    if not node.level:
+        return node.module or ""
+    above = package.split(".")[: len(package.split(".")) - node.level + 1]
+    return ".".join([*above, *([node.module] if node.module else [])])
+
+
+def forbidden_imports(tree: ast.AST, package: str) -> list[str]:
+    """What a module of `package` (pipelines.machine, for instance) imports against the rules."""
+    found = []
+    floor = floor_of_import(package)
+    assert floor is not None
+    for line, module in imported_modules(tree, package):
+        other = floor_of_import(module)
+        library = module.split(".")[0]
+        if other is not None and other != floor and other not in FLOORS[floor]:
+            found.append(f"line {line}: {floor} imports {module}")
+        elif library == "tests" or (library in CONFINED and floor not in CONFINED[library]):
+            found.append(f"line {line}: {library} is not for {floor}")
+    return found
+
+
+def calls_of(tree: ast.AST, name: str) -> list[int]:
+    calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
+    return [call.lineno for call in calls if isinstance(call.func, ast.Name) and call.func.id == name]
+
+
+def mutable_module_names(tree: ast.Module) -> set[str]:
+    """Names that a module binds to a list, dictionary or set."""
+    names = set()
+    for node in tree.body:
+        value = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        literal = isinstance(value, ast.List | ast.Dict | ast.Set | ast.ListComp | ast.DictComp | ast.SetComp)
+        constructed = (
+            isinstance(value, ast.Call)
+            and isinstance(value.func, ast.Name)
+            and value.func.id in MUTABLE_CONSTRUCTORS
+        )
+        if literal or constructed:
+            names |= {target.id for target in targets if isinstance(target, ast.Name)}
+    return names - {"__all__"}
+
+
+def mutations(tree: ast.Module) -> list[str]:
+    """Where a module changes its own module-level names: the state that no caller can see."""
+    shared = mutable_module_names(tree)
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Global):
+            found.append(f"line {node.lineno}: global {', '.join(node.names)}")
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            owner = node.func.value
+            if isinstance(owner, ast.Name) and owner.id in shared and node.func.attr in MUTATING_METHODS:
+                found.append(f"line {node.lineno}: {owner.id}.{node.func.attr}()")
+        if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store | ast.Del):
+            if isinstance(node.value, ast.Name) and node.value.id in shared:
+                found.append(f"line {node.lineno}: {node.value.id}[...] is assigned")
+    return found
+
+
+def undocumented(tree: ast.Module) -> list[str]:
+    """Public functions, methods and classes at module and class level that have no docstring."""
+    found = []
+    owners: list[ast.Module | ast.ClassDef] = [
+        tree,
+        *(node for node in tree.body if isinstance(node, ast.ClassDef)),
+    ]
+    for owner in owners:
+        for node in owner.body:
+            if not isinstance(node, ast.FunctionDef | ast.ClassDef) or node.name.startswith("_"):
+                continue
+            if ast.get_docstring(node) is None:
+                found.append(f"line {node.lineno}: {node.name}")
+    return found
+
+
+def test_every_floor_has_modules() -> None:
+    assert {floor_of(path) for path in MODULES} - {"__init__"} == set(FLOORS)
+
+
+def test_imports_go_downwards_only() -> None:
+    inside = {path: tree for path, tree in PARSED.items() if path.parent != ROOT / "pipelines"}
+    found = {name_of(path): forbidden_imports(tree, package_of(path)) for path, tree in inside.items()}
+    assert {name: rules for name, rules in found.items() if rules} == {}
+
+
+def test_the_package_itself_imports_nothing() -> None:
+    top = PARSED[ROOT / "pipelines" / "__init__.py"]
+    assert {module for _, module in imported_modules(top, "pipelines")} <= {"__future__"}
+
+
+def test_nothing_below_the_command_line_prints() -> None:
+    found = {
+        name_of(path): calls_of(tree, "print")
+        for path, tree in PARSED.items()
+        if floor_of(path) != "agfb_cli"
+    }
+    assert {name: lines for name, lines in found.items() if lines} == {}
+
+
+def test_no_module_changes_its_own_globals() -> None:
+    found = {name_of(path): mutations(tree) for path, tree in PARSED.items()}
+    assert {name: places for name, places in found.items() if places} == {}
+
+
+def test_public_names_are_documented() -> None:
+    found = {name_of(path): undocumented(tree) for path, tree in PARSED.items()}
+    assert {name: names for name, names in found.items() if names} == {}
+
+
+def test_every_module_says_what_it_is() -> None:
+    assert [name_of(path) for path, tree in PARSED.items() if tree.body and not ast.get_docstring(tree)] == []
+
+
+def test_no_other_top_level_folders() -> None:
+    folders = {
+        path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith((".", "__"))
+    }
+    assert folders - MADE_BY_TOOLS == TOP_LEVEL_FOLDERS
+
+
+@pytest.mark.parametrize(
+    ("package", "source"),
+    [
+        ("pipelines.bifurcations", "from pipelines.machine.film import pressure"),
+        ("pipelines.bifurcations", "def f():\n    import pipelines.machine.film"),
+        ("pipelines.machine", "from pipelines import orbits"),
+        ("pipelines.datasets", "from pipelines.stages.results import Progress"),
+        ("pipelines.figures", "import numba"),
+        ("pipelines.orbits", "import zarr.storage"),
+        ("pipelines.case", "from ..machine import film"),
+        ("pipelines.machine", "from .. import stages"),
+        ("agfb_cli.commands", "from pipelines.orbits import system"),
+    ],
+)
+def test_the_import_check_sees(package: str, source: str) -> None:
+    assert forbidden_imports(ast.parse(source), package) != []
+
+
+def test_the_import_check_lets_neighbours_pass() -> None:
+    assert forbidden_imports(ast.parse("from . import film\nfrom .foil import q"), "pipelines.machine") == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "SEEN = []\ndef f(x):\n    SEEN.append(x)",
+        "A = {}\ndef f(x):\n    A[x] = 1",
+        "def f():\n    global n\n    n = 1",
+    ],
+)
+def test_the_mutation_check_sees(source: str) -> None:
+    assert mutations(ast.parse(source)) != []
