@@ -1,0 +1,227 @@
+"""The whole machine of a case in dimensionless form: rotor, two bearings, their active rings (Eq. 16).
+
+``build_machine`` goes from SI tables to flat arrays; ``Machine`` offers the right-hand side, its sparse Jacobian and
+the Jacobian's action on a block of vectors, all on the state s = {p_1 q_1 p_2 q_2 y}.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from pipelines.case.models import Bearing as BearingTable
+from pipelines.case.models import Case
+from pipelines.case.scales import Scales
+
+from . import film, rates
+from .bearing import Array, Bearing, FilmSettings, FilmState, film_state, linearise_bearing, pack_bearing
+from .condensation import CondensedRotor, StateSpace, condense, state_space
+from .ring import THIN_RING, ring_coefficients, ring_displacement_from_load
+from .shaft import RotorMatrices, assemble_rotor
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A rotor on two gas foil bearings; ``parameters`` everywhere follow ``pipelines.case.PARAMETERS``."""
+
+    scales: Scales
+    bearings: tuple[Bearing, Bearing]
+    rotor: RotorMatrices
+    condensed: CondensedRotor
+    space: StateSpace
+    journal_freedoms: tuple[int, int]
+    constants: Array
+    layout: NDArray[np.int64]
+    work_size: int
+
+    @property
+    def size(self) -> int:
+        """N, the number of states."""
+        return self.rotor_start + self.space.constant.shape[0]
+
+    @property
+    def rotor_start(self) -> int:
+        """Where the rotor's displacements start in the state."""
+        return int(self.layout[rates.ROTOR_STATE])
+
+    @property
+    def rotor_freedoms(self) -> int:
+        """Displacements of the master nodes, x and y of each."""
+        return int(self.layout[rates.ROTOR_SIZE])
+
+    def film_unknowns(self, bearing: int) -> slice:
+        """Where a bearing's pressures and foil displacements lie in the state."""
+        start = int(self.bearings[bearing].integers[film.PRESSURE])
+        return slice(start, start + self.bearings[bearing].settings.unknowns)
+
+    def journal(self, state: Array, bearing: int) -> Array:
+        """Position and velocity X, Y, dX/dtau, dY/dtau of a journal in units of its own clearance."""
+        first = self.rotor_start + self.journal_freedoms[bearing]
+        second = first + self.rotor_freedoms
+        own = state[..., [first, first + 1, second, second + 1]]
+        return np.asarray(own / self.scales.bearings[bearing].clearance_ratio)
+
+    def masters(self, state: Array) -> Array:
+        """Displacements x, y of the master nodes, in units of the machine's displacement scale."""
+        return state[..., self.rotor_start : self.rotor_start + self.rotor_freedoms]
+
+    def rates(self, phase: float, state: Array, parameters: Array) -> Array:
+        """ds/dtau, shape (N,)."""
+        out = np.empty(self.size)
+        rates.machine_rates(
+            phase, state, parameters, self.constants, self.layout, np.empty(self.work_size), out
+        )
+        return out
+
+    def apply_jacobian(self, phase: float, state: Array, block: Array, parameters: Array) -> Array:
+        """J @ block for a block of shape (N, columns)."""
+        out = np.empty_like(block)
+        rates.machine_tangent(
+            phase, state, block, parameters, self.constants, self.layout, np.empty(self.work_size), out
+        )
+        return out
+
+    def film(self, bearing: int, phase: float, state: Array, parameters: Array) -> FilmState:
+        """The film of a bearing at a state."""
+        return film_state(
+            self.bearings[bearing], state[self.film_unknowns(bearing)], self.journal(state, bearing), phase, parameters
+        )
+
+    def minimum_film(self, phase: float, state: Array, parameters: Array) -> Array:
+        """Smallest film thickness of either bearing, in units of its clearance."""
+        return np.array([self.film(b, phase, state, parameters).thickness.min() for b in range(rates.BEARINGS)])
+
+    def jacobian(self, phase: float, state: Array, parameters: Array) -> sparse.csc_array:
+        """Analytic sparse Jacobian ds'/ds, shape (N, N).
+
+            [ A_1   0    B_1 X_1 + D_1 V_1 ]
+            [  0   A_2   B_2 X_2 + D_2 V_2 ]        X_b, V_b pick the journal's displacement and velocity from y,
+            [ E_1 C_1  E_2 C_2   rotor     ]        E_b spreads its force over the rotor's accelerations
+        """
+        size, position = self.space.constant.shape[0], self.rotor_freedoms
+        rotor = self.space.constant + parameters[film.SPEED] * self.space.per_speed
+        blocks: list[list[sparse.sparray | Array | None]] = [[None] * 3 for _ in range(3)]
+        blocks[2][2] = sparse.csr_array(rotor)
+        for b, bearing in enumerate(self.bearings):
+            own = self.scales.bearings[b]
+            linear = linearise_bearing(
+                bearing, state[self.film_unknowns(b)], self.journal(state, b), phase, parameters
+            )
+            dof = self.journal_freedoms[b]
+            coupling = np.zeros((bearing.settings.unknowns, size))
+            coupling[:, dof : dof + 2] = linear.position / own.clearance_ratio
+            coupling[:, position + dof : position + dof + 2] = linear.velocity / own.clearance_ratio
+            influence = own.force_ratio * self.space.force_input[:, dof : dof + 2]
+            blocks[b][b] = linear.unknowns
+            blocks[b][2] = sparse.csr_array(coupling)
+            blocks[2][b] = sparse.csr_array(influence @ linear.force)
+        return sparse.block_array(blocks).tocsc()
+
+
+def film_settings(case: Case, index: int) -> FilmSettings:
+    """Dimensionless settings of one of the case's bearings."""
+    table: BearingTable = case.bearings[index]
+    scales = Scales.from_case(case)
+    own, numerics, excitation = scales.bearings[index], case.numerics, case.excitation
+    reference = scales.bearings[0].foil_stiffness
+    if np.isinf(own.foil_stiffness):
+        stiffness_ratio = 0.0
+    else:
+        stiffness_ratio = 1.0 if np.isinf(reference) else own.foil_stiffness / reference
+    return FilmSettings(
+        circumferential=numerics.circumferential,
+        axial=numerics.axial,
+        scheme=numerics.scheme,
+        axial_scheme=numerics.axial_scheme,
+        periodic=table.film == "periodic",
+        edge_angle=table.edge_angle,
+        clipping=table.clipping,
+        smoothing=table.smoothing,
+        kappa=own.kappa,
+        time_ratio=own.time_ratio,
+        loss_factor=1.0 if table.foil.loss_factor is None else table.foil.loss_factor,
+        loss_factor_damping=table.foil.damping == "loss_factor",
+        stiffness_ratio=stiffness_ratio,
+        absolute_pressure=table.foil.pressure == "absolute",
+        ring_radius=table.radius / table.clearance,
+        ring_ratio=ring_ratio(case),
+        ring_amplitude=excitation.amplitudes[index],
+        ring_phase=excitation.phases[index],
+    )
+
+
+def ring_ratio(case: Case) -> float:
+    """rho = |d_h / d_v| of the case's rings: given, from the ring's geometry, or that of a thin ring."""
+    if case.excitation.ratio is not None:
+        return case.excitation.ratio
+    ring = case.excitation.ring
+    return THIN_RING.ratio if ring is None else ring_coefficients(ring).ratio
+
+
+def parameter_vector(case: Case) -> Array:
+    """Speed, excitation frequency, ring displacement and foil stiffness of a case, dimensionless.
+
+    A machine of two rigid bearings has no foil stiffness; 1 stands for it then and has no effect.
+    """
+    scales, excitation = Scales.from_case(case), case.excitation
+    displacement = None
+    if excitation.load is not None:
+        assert excitation.ring is not None  # the case's own check
+        displacement = ring_displacement_from_load(excitation.ring, excitation.load) / scales.displacement
+    values = np.array(scales.parameters(case, displacement))
+    if np.isinf(values[film.FOIL_STIFFNESS]):
+        other = scales.bearings[1].foil_stiffness
+        values[film.FOIL_STIFFNESS] = 1.0 if np.isinf(other) else other
+    return values
+
+
+def build_machine(case: Case) -> Machine:
+    """Assemble the dimensionless machine of a case.
+
+    Raises ValueError if the masters do not determine the rotor (see ``condensation.static_transformation``).
+    """
+    scales = Scales.from_case(case)
+    rotor = assemble_rotor(case.rotor)
+    condensed = condense(rotor, case.rotor.masters)
+    space = state_space(condensed.scaled(scales.time, scales.displacement, scales.force))
+    settings = [film_settings(case, index) for index in range(rates.BEARINGS)]
+    bearings = (pack_bearing(settings[0]), pack_bearing(settings[1], offset=settings[0].unknowns))
+    freedoms = (condensed.position(case.bearings[0].node), condensed.position(case.bearings[1].node))
+    constants, layout = _pack(scales, bearings, space, freedoms)
+    state_size = sum(s.unknowns for s in settings) + space.constant.shape[0]
+    work_size = max(rates.workspace_size(state_size, s.nodes, s.axial) for s in settings)
+    return Machine(scales, bearings, rotor, condensed, space, freedoms, constants, layout, work_size)
+
+
+def _pack(
+    scales: Scales, bearings: tuple[Bearing, Bearing], space: StateSpace, freedoms: tuple[int, int]
+) -> tuple[Array, NDArray[np.int64]]:
+    """Flat constants and integer layout that ``rates`` reads (see its head for the order)."""
+    size = space.constant.shape[0] // 2
+    velocity = slice(size, 2 * size)
+    films = [
+        np.concatenate([[own.clearance_ratio], bearing.scalars, bearing.arrays])
+        for own, bearing in zip(scales.bearings, bearings, strict=True)
+    ]
+    influence = [
+        own.force_ratio * space.force_input[velocity, dof : dof + 2]
+        for own, dof in zip(scales.bearings, freedoms, strict=True)
+    ]
+    rotor = [
+        -space.constant[velocity, :size],
+        -space.constant[velocity, velocity],
+        -space.per_speed[velocity, velocity],
+        np.hstack(influence),
+        space.gravity[velocity],
+    ]
+    constants = np.concatenate([*films, *(part.ravel() for part in rotor)])
+    header = np.zeros(rates.MACHINE_INTEGERS, dtype=np.int64)
+    header[rates.ROTOR_STATE] = sum(bearing.settings.unknowns for bearing in bearings)
+    header[rates.ROTOR_SIZE] = size
+    header[rates.ROTOR_CONSTANTS] = films[0].size + films[1].size
+    header[rates.JOURNAL : rates.JOURNAL + 2] = freedoms
+    header[rates.FILM_CONSTANTS : rates.FILM_CONSTANTS + 2] = [0, films[0].size]
+    return constants, np.concatenate([header, *(bearing.integers for bearing in bearings)])
