@@ -8,6 +8,9 @@ from typing import Literal
 from pydantic import ValidationInfo, field_validator
 
 from pipelines.case.fields import (
+    AMPLITUDE,
+    FOIL_STIFFNESS,
+    FREQUENCY,
     InconsistentError,
     Number,
     Table,
@@ -17,9 +20,6 @@ from pipelines.case.fields import (
     require_one,
     table,
 )
-
-FOIL_STIFFNESS_KEYS = ("stiffness", "areal_stiffness", "bump", "rigid")
-"""Alternative ways to give the stiffness of a foil."""
 
 
 class Gas(Table):
@@ -111,7 +111,7 @@ class Foil(Table):
     @field_validator("rigid")
     @classmethod
     def _one_stiffness(cls, value: bool, info: ValidationInfo) -> bool:
-        require_one(info, value, FOIL_STIFFNESS_KEYS, "the stiffness of the foil")
+        require_one(info, value, FOIL_STIFFNESS, "the stiffness of the foil")
         return value
 
     @field_validator("loss_factor")
@@ -248,7 +248,7 @@ class Excitation(Table):
     @field_validator("load")
     @classmethod
     def _one_amplitude(cls, value: float | None, info: ValidationInfo) -> float | None:
-        require_one(info, value, ("displacement", "load"), "the amplitude of the ring")
+        require_one(info, value, AMPLITUDE, "the amplitude of the ring")
         return value
 
     @field_validator("frequency_hz")
@@ -256,7 +256,7 @@ class Excitation(Table):
     def _one_frequency(cls, value: float | None, info: ValidationInfo) -> float | None:
         passive = info.data.get("displacement") == 0
         if not (passive and value is None and given(info, ("frequency",)) == []):
-            require_one(info, value, ("frequency", "frequency_hz"), "the excitation frequency")
+            require_one(info, value, FREQUENCY, "the excitation frequency")
         return value
 
     @field_validator("ring")

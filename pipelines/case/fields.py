@@ -8,6 +8,7 @@ reference are all made from that one declaration.
 from __future__ import annotations
 
 import types
+from collections.abc import Iterator
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo
@@ -18,6 +19,14 @@ Path = tuple[str | int, ...]
 
 Misfit = tuple[Path, str]
 """Where (a path below the validated key) and what is wrong."""
+
+FOIL_STIFFNESS = ("stiffness", "areal_stiffness", "bump", "rigid")
+AMPLITUDE = ("displacement", "load")
+FREQUENCY = ("frequency", "frequency_hz")
+SPEED = ("speed", "speed_rpm")
+SECOND_ELASTIC_CONSTANT = ("poisson_ratio", "shear_modulus")
+ALTERNATIVES = (FOIL_STIFFNESS, AMPLITUDE, FREQUENCY, SPEED, SECOND_ELASTIC_CONSTANT)
+"""Groups of keys that say the same thing; exactly one of each is given."""
 
 Number = Annotated[float, Field(strict=True)]
 
@@ -116,6 +125,28 @@ def model_of(annotation: Any) -> type[Table] | None:
 def is_collection(annotation: Any) -> bool:
     """True for arrays and for tables with free names: their next path component is an index or a name."""
     return any(get_origin(kind) in (tuple, dict) for kind in inner_types(annotation))
+
+
+def keys_of(root: type[Table], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
+    """Every key below a table as a dotted path (arrays without index, free names as NAME), declared."""
+    for name, field in root.model_fields.items():
+        path = prefix + name
+        yield path, field
+        inner = model_of(field.annotation)
+        if inner is not None:
+            free = any(get_origin(kind) is dict for kind in inner_types(field.annotation))
+            yield from keys_of(inner, f"{path}.NAME." if free else f"{path}.")
+
+
+def bounds_of(field: FieldInfo) -> str:
+    """The bounds of a scalar key, such as `> 0 and <= 1`; "" without any."""
+    signs = (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<="))
+    return " and ".join(
+        f"{sign} {getattr(constraint, name):g}"
+        for name, sign in signs
+        for constraint in field.metadata
+        if getattr(constraint, name, None) is not None
+    )
 
 
 def field_at(root: type[Table], path: Path) -> tuple[type[Table] | None, FieldInfo | None]:

@@ -8,7 +8,15 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from pipelines.case.fields import InconsistentError, Misfit, Table, quantity, require_one, table
+from pipelines.case.fields import (
+    SECOND_ELASTIC_CONSTANT,
+    InconsistentError,
+    Misfit,
+    Table,
+    quantity,
+    require_one,
+    table,
+)
 
 MAXIMUM_ELEMENTS = 500
 MAXIMUM_MASS = 1e5
@@ -44,7 +52,7 @@ class Material(Table):
     @field_validator("shear_modulus")
     @classmethod
     def _one_second_constant(cls, value: float | None, info: ValidationInfo) -> float | None:
-        require_one(info, value, ("poisson_ratio", "shear_modulus"), "the second elastic constant")
+        require_one(info, value, SECOND_ELASTIC_CONSTANT, "the second elastic constant")
         if value is not None and "young_modulus" in info.data:
             poisson = info.data["young_modulus"] / (2 * value) - 1
             if not -1 < poisson <= 0.5:

@@ -7,7 +7,16 @@ from typing import Literal
 
 from pydantic import ValidationInfo, field_validator
 
-from pipelines.case.fields import InconsistentError, Number, Table, choice, quantity, require_one, table
+from pipelines.case.fields import (
+    SPEED,
+    InconsistentError,
+    Number,
+    Table,
+    choice,
+    quantity,
+    require_one,
+    table,
+)
 
 
 def _require_rising(value: tuple[float, float] | None) -> tuple[float, float] | None:
@@ -34,7 +43,7 @@ class Operation(Table):
     @field_validator("speed_rpm")
     @classmethod
     def _one_speed(cls, value: float | None, info: ValidationInfo) -> float | None:
-        require_one(info, value, ("speed", "speed_rpm"), "the rotating speed")
+        require_one(info, value, SPEED, "the rotating speed")
         return value
 
 
