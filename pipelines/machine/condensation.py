@@ -1,0 +1,168 @@
+"""Static (Guyan) condensation of the rotor onto the translations of its master nodes, and its state-space
+form.
+
+With the freedoms split into masters m (x, y of the master nodes) and slaves s (everything else), the slaves
+follow the masters as in statics,
+
+    x = T x_m,   T = [I; -K_ss^-1 K_sm]   (rows in the order of the full freedoms)
+
+and the condensed matrices of Eq. 11 are T' A T for A = M, C, G, K; the gravity load is T' F.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from pipelines.machine.shaft import NODE_FREEDOMS, RotorMatrices
+
+FloatArray = NDArray[np.float64]
+
+# The slaves' displacements lose log10(condition) of 16 digits; four digits are the least that a static mode
+# may keep.
+LARGEST_SLAVE_CONDITION = 1e12
+
+
+@dataclass(frozen=True)
+class CondensedRotor:
+    """The rotor on m master nodes; matrices have shape (2 m, 2 m), freedoms x_1, y_1, ..., x_m, y_m.
+
+    ``gyroscopic`` is to be multiplied by the rotating speed. ``transformation`` (4 nodes, 2 m) gives the full
+    displacement from that of the masters; its translations are numbers, its rotations are per metre.
+    """
+
+    masters: tuple[int, ...]
+    mass: FloatArray
+    damping: FloatArray
+    gyroscopic: FloatArray
+    stiffness: FloatArray
+    gravity_load: FloatArray
+    transformation: FloatArray
+
+    def position(self, node: int) -> int:
+        """Index of the freedom x of a master node, y follows; raises ValueError if the node is not a master.
+        """
+        if node not in self.masters:
+            raise ValueError(f"node {node} is not a master node; the masters are {list(self.masters)}")
+        return 2 * self.masters.index(node)
+
+    def scaled(self, time: float, displacement: float, force: float) -> CondensedRotor:
+        """The same rotor with times in units of ``time`` [s], displacements of ``displacement`` [m], forces
+        of ``force``.
+
+        The transformation still gives translations in units of ``displacement``; its rotation rows become
+        those of rotations times one metre over ``displacement``. The speed is then in units of 1 / ``time``.
+        """
+        per_displacement = displacement / force
+        return CondensedRotor(
+            masters=self.masters,
+            mass=self.mass * (per_displacement / time**2),
+            damping=self.damping * (per_displacement / time),
+            # Omega G: the speed carries one of the two units of 1 / time
+            gyroscopic=self.gyroscopic * (per_displacement / time**2),
+            stiffness=self.stiffness * per_displacement,
+            gravity_load=self.gravity_load / force,
+            transformation=self.transformation,
+        )
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """Eq. 12: y' = (constant + Omega per_speed) y + force_input F + gravity, y = [x_1, y_1, ..., x_m, y_m,
+    velocities].
+
+    ``constant`` and ``per_speed`` have shape (4 m, 4 m), ``force_input`` (4 m, 2 m): column j is the response
+    to a unit force on master freedom j; ``gravity`` (4 m,).
+    """
+
+    constant: FloatArray
+    per_speed: FloatArray
+    force_input: FloatArray
+    gravity: FloatArray
+
+
+def master_freedoms(masters: Sequence[int]) -> NDArray[np.intp]:
+    """Indices of x and y of every master node in the full freedoms, shape (2 m,)."""
+    first = NODE_FREEDOMS * np.asarray(masters, dtype=np.intp)
+    return np.stack((first, first + 1), axis=1).ravel()
+
+
+def static_transformation(stiffness: FloatArray, masters: Sequence[int]) -> FloatArray:
+    """T of the module's head, shape (size, 2 m), for a stiffness of shape (size, size).
+
+    Raises ValueError for no, repeated or unknown masters, and when K_ss is too ill conditioned: the masters
+    then do not hold the rotor (one master alone leaves it free to tilt) or the stiffnesses of its parts are
+    too far apart.
+    """
+    size = stiffness.shape[0]
+    unknown = [node for node in masters if not 0 <= node < size // NODE_FREEDOMS]
+    if unknown or len(set(masters)) != len(masters) or not masters:
+        raise ValueError(
+            f"masters must be different nodes from 0 to {size // NODE_FREEDOMS - 1}; given {list(masters)}"
+        )
+    master = master_freedoms(masters)
+    slave = np.setdiff1d(np.arange(size), master)
+
+    # Scale by the diagonal first: rotations and displacements differ by the square of a length.
+    slave_stiffness = stiffness[np.ix_(slave, slave)]
+    scale = 1.0 / np.sqrt(np.diag(slave_stiffness))
+    scaled_stiffness = scale[:, None] * slave_stiffness * scale
+    condition = float(np.linalg.cond(scaled_stiffness))
+    if not condition < LARGEST_SLAVE_CONDITION:
+        raise ValueError(
+            f"the masters {list(masters)} do not determine the rest of the rotor: condition number of the "
+            f"slave stiffness {condition:.1e}, allowed below {LARGEST_SLAVE_CONDITION:.0e}; choose at least "
+            "two masters, spread along the shaft"
+        )
+    coupling = scale[:, None] * stiffness[np.ix_(slave, master)]
+
+    # x_s = -K_ss^-1 K_sm x_m
+    transformation = np.zeros((size, master.size))
+    transformation[master, np.arange(master.size)] = 1.0
+    transformation[slave] = -scale[:, None] * linalg.solve(scaled_stiffness, coupling)
+    return transformation
+
+
+def condense(rotor: RotorMatrices, masters: Sequence[int]) -> CondensedRotor:
+    """Condense the rotor onto its master nodes (Eq. 11); raises ValueError as ``static_transformation`` does.
+    """
+    transformation = static_transformation(rotor.stiffness, masters)
+
+    def reduced(matrix: FloatArray) -> FloatArray:
+        product: FloatArray = transformation.T @ matrix @ transformation
+        return product
+
+    return CondensedRotor(
+        masters=tuple(masters),
+        mass=reduced(rotor.mass),
+        damping=reduced(rotor.damping),
+        gyroscopic=reduced(rotor.gyroscopic),
+        stiffness=reduced(rotor.stiffness),
+        gravity_load=transformation.T @ rotor.gravity_load,
+        transformation=transformation,
+    )
+
+
+def state_space(condensed: CondensedRotor) -> StateSpace:
+    """First-order form of the condensed rotor, in the units of its matrices (Eq. 12).
+
+    [x]'   [    0         I    ] [x]         [0      0    ] [x]   [  0  ]
+    [v]  = [-M^-1 K   -M^-1 C  ] [v] + Omega [0   -M^-1 G ] [v] + [M^-1 ] (F + F_gravity)
+    """
+    freedoms = condensed.mass.shape[0]
+    factor = linalg.cho_factor(condensed.mass)
+    position, velocity = slice(0, freedoms), slice(freedoms, 2 * freedoms)
+
+    constant = np.zeros((2 * freedoms, 2 * freedoms))
+    constant[position, velocity] = np.eye(freedoms)
+    constant[velocity, position] = -linalg.cho_solve(factor, condensed.stiffness)
+    constant[velocity, velocity] = -linalg.cho_solve(factor, condensed.damping)
+    per_speed = np.zeros_like(constant)
+    per_speed[velocity, velocity] = -linalg.cho_solve(factor, condensed.gyroscopic)
+    force_input = np.zeros((2 * freedoms, freedoms))
+    force_input[velocity] = linalg.cho_solve(factor, np.eye(freedoms))
+    return StateSpace(constant, per_speed, force_input, force_input @ condensed.gravity_load)

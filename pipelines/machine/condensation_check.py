@@ -1,0 +1,117 @@
+"""How well the condensed rotor stands for the full one: the comparison by which masters are chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from pipelines.machine.condensation import condense
+from pipelines.machine.rotor_modes import (
+    LinearBearing,
+    Modes,
+    oscillating_modes,
+    translations,
+    unbalance_response,
+)
+from pipelines.machine.shaft import RotorMatrices
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class ModalComparison:
+    """Modes of the full rotor, rising in frequency, beside their partners of the condensed one.
+
+    Damped frequencies [rad/s] and logarithmic decrements have shape (modes,). ``mac`` (modes, modes) compares
+    full mode i with the partner of full mode j over the translations of all nodes: 1 on the diagonal for a
+    perfect condensation.
+    """
+
+    full_frequency: FloatArray
+    condensed_frequency: FloatArray
+    full_decrement: FloatArray
+    condensed_decrement: FloatArray
+    mac: FloatArray
+
+
+@dataclass(frozen=True)
+class CondensationComparison:
+    """Modal comparison at one speed, and unbalance responses [m] of shape (speeds, nodes, 2) (x, y; complex).
+    """
+
+    modal: ModalComparison
+    modal_speed: float
+    speeds: FloatArray
+    unbalance_full: ComplexArray
+    unbalance_condensed: ComplexArray
+
+
+def modal_assurance(first: ComplexArray, second: ComplexArray) -> FloatArray:
+    """MAC_ij = |a_i* b_j|^2 / (a_i* a_i)(b_j* b_j) of two sets of shapes (modes, freedoms)."""
+    inner = np.conj(first) @ second.T
+    norms = np.outer(np.sum(np.abs(first) ** 2, axis=1), np.sum(np.abs(second) ** 2, axis=1))
+    result: FloatArray = np.abs(inner) ** 2 / norms
+    return result
+
+
+def compare_modes(
+    rotor: RotorMatrices, masters: Sequence[int], speed: float, bearings: Sequence[LinearBearing], modes: int
+) -> ModalComparison:
+    """Compare the lowest ``modes`` oscillating modes at a speed [rad/s]; fewer if either rotor has fewer.
+
+    Partners are chosen by the assignment with the largest sum of MAC values among the lowest ``2 modes``
+    condensed modes, so that two modes which change their order do not count as an error.
+    """
+    condensed = condense(rotor, masters)
+    full_modes = oscillating_modes(rotor, speed, bearings)
+    condensed_modes = oscillating_modes(condensed, speed, bearings)
+    count = min(modes, full_modes.eigenvalues.size, condensed_modes.eigenvalues.size)
+    candidates = min(2 * count, condensed_modes.eigenvalues.size)
+
+    full_shapes = translations(rotor, full_modes.shapes[:count]).reshape(count, -1)
+    condensed_shapes = translations(condensed, condensed_modes.shapes[:candidates]).reshape(candidates, -1)
+    mac = modal_assurance(full_shapes, condensed_shapes)
+    _, partner = linear_sum_assignment(mac, maximize=True)
+    lowest = Modes(full_modes.eigenvalues[:count], full_modes.shapes[:count])
+    partners = Modes(condensed_modes.eigenvalues[partner], condensed_modes.shapes[partner])
+    return ModalComparison(
+        full_frequency=lowest.damped_frequencies,
+        condensed_frequency=partners.damped_frequencies,
+        full_decrement=lowest.logarithmic_decrements,
+        condensed_decrement=partners.logarithmic_decrements,
+        mac=mac[:, partner],
+    )
+
+
+def compare_condensation(
+    rotor: RotorMatrices,
+    masters: Sequence[int],
+    bearings: Sequence[LinearBearing],
+    speeds: FloatArray,
+    *,
+    unbalance: Mapping[int, complex],
+    modal_index: int,
+    modes: int = 8,
+) -> CondensationComparison:
+    """Full against condensed rotor: modes at ``speeds[modal_index]`` and unbalance response over ``speeds``
+    [rad/s].
+
+    The bearings' coefficients are those of the film linearised at each speed, shape (speeds, 2, 2), or
+    constant (2, 2). ``unbalance`` [kg m] per node. Raises ValueError as ``condense`` does, or for a bearing
+    that is not on a master.
+    """
+    condensed = condense(rotor, masters)
+    at_modal_speed = [bearing.at(modal_index) for bearing in bearings]
+    modal_speed = float(speeds[modal_index])
+    return CondensationComparison(
+        modal=compare_modes(rotor, masters, modal_speed, at_modal_speed, modes),
+        modal_speed=modal_speed,
+        speeds=np.asarray(speeds, dtype=np.float64),
+        unbalance_full=unbalance_response(rotor, speeds, unbalance, bearings),
+        unbalance_condensed=unbalance_response(condensed, speeds, unbalance, bearings),
+    )

@@ -1,0 +1,235 @@
+"""Timoshenko elements and the assembled rotor against ROSS's matrices and closed forms."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+from pipelines.case.models import Disc, Element, Material, Rotor, Support
+from pipelines.machine.shaft import (
+    assemble_rotor,
+    cowper_shear_coefficient,
+    disc_matrices,
+    element_matrices,
+)
+
+ROSS = json.loads((Path(__file__).parents[1] / "reference" / "ross_elements.json").read_text())
+STEEL = Material(young_modulus=206e9, density=7850.0, poisson_ratio=0.3)
+
+
+def assert_same_matrix(actual, expected, reference_diagonal):
+    """Compare every entry with 1e-12 of the geometric mean of its two diagonal entries, which removes the units."""
+    scale = np.sqrt(np.outer(reference_diagonal, reference_diagonal))
+    assert np.max(np.abs(actual - expected) / scale) < 1e-12
+
+
+@pytest.mark.parametrize("record", ROSS["elements"], ids=lambda record: record["name"])
+def test_element_matrices_agree_with_ross(record):
+    material = Material(**record["material"])
+    part = element_matrices(record["length"], record["outer_diameter"], record["inner_diameter"], material)
+    for name in ("mass", "stiffness"):
+        expected = np.array(record[name])
+        assert_same_matrix(getattr(part, name), expected, np.diag(expected))
+    expected = np.array(record["gyroscopic"])
+    # x couples with y exactly as strongly as deflections gyrate: the largest entry of each row is its scale
+    row_scale = np.max(np.abs(expected), axis=1)
+    assert_same_matrix(part.gyroscopic, expected, row_scale)
+
+
+@pytest.mark.parametrize("record", ROSS["discs"], ids=lambda record: record["name"])
+def test_disc_matrices_agree_with_ross(record):
+    disc = Disc(
+        node=0,
+        mass=record["mass_value"],
+        diametral_inertia=record["diametral_inertia"],
+        polar_inertia=record["polar_inertia"],
+    )
+    part = disc_matrices(disc)
+    np.testing.assert_array_equal(part.mass, record["mass"])
+    np.testing.assert_array_equal(part.gyroscopic, record["gyroscopic"])
+    assert not part.stiffness.any()
+
+
+def test_poisson_ratio_and_shear_modulus_are_two_names_of_one_material():
+    by_shear_modulus = Material(young_modulus=206e9, density=7850.0, shear_modulus=206e9 / 2.6)
+    first = element_matrices(0.02, 0.05, 0.01, STEEL)
+    second = element_matrices(0.02, 0.05, 0.01, by_shear_modulus)
+    np.testing.assert_allclose(second.stiffness, first.stiffness, rtol=1e-13)
+
+
+def test_cowper_coefficient_of_solid_section_and_thin_tube():
+    assert cowper_shear_coefficient(0.3, 0.0) == pytest.approx(6 * 1.3 / (7 + 6 * 0.3))
+    # Cowper (1966), thin-walled round tube: 2 (1 + nu) / (4 + 3 nu)
+    assert cowper_shear_coefficient(0.3, 1.0) == pytest.approx(2 * 1.3 / (4 + 3 * 0.3))
+
+
+def test_one_element_gives_the_exact_cantilever():
+    """Tip load on a short hollow cantilever: F L^3 / 3 E I + F L / kappa G A, slope F L^2 / 2 E I."""
+    length, outer, inner = 0.1, 0.06, 0.03
+    stiffness = element_matrices(length, outer, inner, STEEL).stiffness[4:, 4:]
+    bending = 206e9 * np.pi / 64 * (outer**4 - inner**4)
+    shear = cowper_shear_coefficient(0.3, 0.5) * 206e9 / 2.6 * np.pi / 4 * (outer**2 - inner**2)
+    in_x, in_y = np.linalg.solve(stiffness, np.eye(4)[:, :2]).T
+    deflection = length**3 / (3 * bending) + length / shear
+    slope = length**2 / (2 * bending)
+    np.testing.assert_allclose(in_x, [deflection, 0, 0, slope], rtol=1e-12, atol=1e-25)
+    np.testing.assert_allclose(in_y, [0, deflection, -slope, 0], rtol=1e-12, atol=1e-25)
+
+
+def pinned_frequencies(elements: int, modes: int, diameter: float) -> np.ndarray:
+    """Lowest frequencies in the x-z plane of a pinned steel bar of 0.5 m made of equal elements [rad/s]."""
+    rotor = Rotor(
+        elements=(Element(length=0.5 / elements, outer_diameter=diameter, count=elements),), masters=(0, elements)
+    )
+    matrices = assemble_rotor(rotor)
+    kept = np.sort(np.concatenate((np.arange(4, 4 * elements, 4), np.arange(3, 4 * elements + 4, 4))))
+    in_plane = np.ix_(kept, kept)
+    return np.sqrt(linalg.eigh(matrices.stiffness[in_plane], matrices.mass[in_plane], eigvals_only=True)[:modes])
+
+
+def exact_pinned_frequencies(modes: int, diameter: float) -> np.ndarray:
+    """E I k^4 - w^2 [rho A + rho I (1 + E / kappa G) k^2] + w^4 rho^2 I / kappa G = 0 with k = n pi / L."""
+    area, second_moment = np.pi / 4 * diameter**2, np.pi / 64 * diameter**4
+    shear = cowper_shear_coefficient(0.3, 0.0) * 206e9 / 2.6
+    k = np.arange(1, modes + 1) * np.pi / 0.5
+    a = 7850.0**2 * second_moment / shear
+    b = 7850.0 * (area + second_moment * (1 + 206e9 / shear) * k**2)
+    c = 206e9 * second_moment * k**4
+    return np.sqrt(2 * c / (b + np.sqrt(b**2 - 4 * a * c)))
+
+
+@pytest.mark.parametrize(
+    ("diameter", "order", "largest_error"),
+    [
+        # a slender bar: cubic deflections
+        (0.001, 4.0, 1e-5),
+        # a stubby bar, Phi = 6 ... 90: shear makes the slope of an element a parabola fixed by statics, which follows
+        # the inertia forces to second order only; still the exact Timoshenko frequencies in the limit
+        (0.1, 2.0, 2e-3),
+    ],
+)
+def test_pinned_bar_converges_to_timoshenko(diameter, order, largest_error):
+    exact = exact_pinned_frequencies(3, diameter)
+    errors = np.array([pinned_frequencies(elements, 3, diameter) / exact - 1 for elements in (8, 16, 32)])
+    assert np.all(errors > 0)  # a conforming element with consistent mass is too stiff
+    np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), order, atol=0.2)
+    assert errors[-1, 2] < largest_error
+
+
+@pytest.fixture
+def stepped_rotor() -> Rotor:
+    """Three materials, a hollow part, discs, and supports with every coefficient different."""
+    return Rotor(
+        materials={
+            "steel": STEEL,
+            "hot steel": Material(young_modulus=160e9, density=7800.0, shear_modulus=61e9),
+            "titanium": Material(young_modulus=113.8e9, density=4430.0, poisson_ratio=0.342),
+        },
+        elements=(
+            Element(length=0.03, outer_diameter=0.02, count=3),
+            Element(length=0.05, outer_diameter=0.03, inner_diameter=0.02, material="hot steel"),
+            Element(length=0.02, outer_diameter=0.025, material="titanium", count=2),
+        ),
+        discs=(
+            Disc(node=0, mass=0.4, diametral_inertia=3e-4, polar_inertia=5e-4),
+            Disc(node=4, mass=0.2, diametral_inertia=1e-4, polar_inertia=1.5e-4),
+        ),
+        supports=(
+            Support(
+                node=1, stiffness_xx=1e6, stiffness_yy=2e6, stiffness_xy=3e5, stiffness_yx=-4e5,
+                damping_xx=50.0, damping_yy=60.0,
+            ),
+            Support(node=5, stiffness_xx=5e6, stiffness_yy=6e6),
+        ),
+        masters=(0, 3, 6),
+        rayleigh_mass=2.0,
+        rayleigh_stiffness=1e-5,
+        gravity=9.81,
+    )
+
+
+def free(rotor: Rotor) -> Rotor:
+    return rotor.model_copy(update={"supports": ()})
+
+
+def rigid_motions(position: np.ndarray, about: float) -> np.ndarray:
+    """Columns: x, y translation, tilt beta (x = z - about), tilt alpha (y = -(z - about))."""
+    motions = np.zeros((4 * position.size, 4))
+    motions[0::4, 0] = 1.0
+    motions[1::4, 1] = 1.0
+    motions[0::4, 2], motions[3::4, 2] = position - about, 1.0
+    motions[1::4, 3], motions[2::4, 3] = -(position - about), 1.0
+    return motions
+
+
+def rigid_body_inertia(rotor: Rotor) -> tuple[float, float, float, float]:
+    """Mass, static moment about z = 0, diametral inertia about z = 0, polar inertia, part by part."""
+    totals = np.zeros(4)
+    left = 0.0
+    for element in rotor.single_elements():
+        outer, inner, length = element.outer_diameter, element.inner_diameter, element.length
+        density = rotor.materials[element.material].density
+        line_mass = density * np.pi / 4 * (outer**2 - inner**2)
+        line_inertia = density * np.pi / 64 * (outer**4 - inner**4)
+        right = left + length
+        totals += [
+            line_mass * length,
+            line_mass * (right**2 - left**2) / 2,
+            line_mass * (right**3 - left**3) / 3 + line_inertia * length,
+            2 * line_inertia * length,
+        ]
+        left = right
+    for disc in rotor.discs:
+        z = rotor.node_positions()[disc.node]
+        totals += [disc.mass, disc.mass * z, disc.diametral_inertia + disc.mass * z**2, disc.polar_inertia]
+    return tuple(totals)
+
+
+def test_rigid_motions_see_the_bodys_mass_and_inertia_and_no_stiffness(stepped_rotor):
+    rotor = free(stepped_rotor)
+    matrices = assemble_rotor(rotor)
+    motions = rigid_motions(matrices.node_position, about=0.0)
+    mass, moment, diametral, polar = rigid_body_inertia(rotor)
+    expected_mass = [[mass, 0, moment, 0], [0, mass, 0, -moment], [moment, 0, diametral, 0], [0, -moment, 0, diametral]]
+    np.testing.assert_allclose(motions.T @ matrices.mass @ motions, expected_mass, rtol=1e-12, atol=1e-14)
+    # H = I_p Omega e: tilting about y turns it about x, G(alpha, beta) = I_p
+    expected_gyroscopic = np.zeros((4, 4))
+    expected_gyroscopic[3, 2], expected_gyroscopic[2, 3] = polar, -polar
+    np.testing.assert_allclose(motions.T @ matrices.gyroscopic @ motions, expected_gyroscopic, rtol=1e-12, atol=1e-16)
+    assert np.max(np.abs(matrices.stiffness @ motions)) < 1e-12 * np.max(matrices.stiffness)
+
+
+def test_matrices_have_the_symmetries_of_their_energies(stepped_rotor):
+    matrices = assemble_rotor(free(stepped_rotor))
+    for symmetric in (matrices.mass, matrices.stiffness, matrices.damping):
+        np.testing.assert_allclose(symmetric, symmetric.T, rtol=0, atol=1e-14 * np.max(symmetric))
+    np.testing.assert_allclose(matrices.gyroscopic, -matrices.gyroscopic.T, atol=1e-18)
+    linalg.cholesky(matrices.mass)  # positive definite, or it raises
+
+
+def test_supports_add_to_x_and_y_of_their_node_and_are_not_rayleigh_damped(stepped_rotor):
+    with_supports, without = assemble_rotor(stepped_rotor), assemble_rotor(free(stepped_rotor))
+    added_stiffness = with_supports.stiffness - without.stiffness
+    added_damping = with_supports.damping - without.damping
+    # the differences of entries of 1e8 N/m are exact to 1e-8 N/m
+    np.testing.assert_allclose(added_stiffness[4:6, 4:6], [[1e6, 3e5], [-4e5, 2e6]], rtol=1e-12)
+    np.testing.assert_allclose(added_stiffness[20:22, 20:22], [[5e6, 0], [0, 6e6]], rtol=1e-12)
+    np.testing.assert_allclose(added_damping[4:6, 4:6], [[50, 0], [0, 60]], rtol=1e-12)
+    assert np.count_nonzero(np.abs(added_stiffness) > 1e-3) == 6
+    assert np.count_nonzero(np.abs(added_damping) > 1e-6) == 2
+    np.testing.assert_allclose(without.damping, 2.0 * without.mass + 1e-5 * without.stiffness, rtol=1e-14)
+
+
+def test_gravity_pulls_half_of_each_elements_weight_at_its_nodes(stepped_rotor):
+    load = assemble_rotor(stepped_rotor).gravity_load
+    assert not load[0::4].any()
+    assert not load[2::4].any()
+    assert not load[3::4].any()
+    assert load.sum() == pytest.approx(-9.81 * stepped_rotor.mass, rel=1e-14)
+    first_element = 7850.0 * np.pi / 4 * 0.02**2 * 0.03
+    assert load[1] == pytest.approx(-9.81 * (0.4 + first_element / 2), rel=1e-14)
+    assert load[5] == pytest.approx(-9.81 * first_element, rel=1e-14)
