@@ -1,0 +1,163 @@
+"""Equilibria by damped Newton with the sparse Jacobian: one film at a given journal position, or the whole machine.
+
+    s <- s - t J(s)^-1 f(s),  t halved until the film stays open, the pressure positive and |f| decreases
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from pipelines.machine import film
+from pipelines.machine.assembly import Machine
+from pipelines.machine.bearing import Bearing, film_state, linearise_bearing
+
+Array = NDArray[np.float64]
+
+# Equilibria are those of the machine with its rings at rest in their mean position: no rate, sin(phase) = 0.
+MEAN_PHASE = 0.0
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """When damped Newton stops: residual norm (maximum over components), iterations, smallest damping."""
+
+    tolerance: float = 1e-11
+    iterations: int = 60
+    smallest_damping: float = 1e-4
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A solution of f(s) = 0, or the last iterate with the reason why there is none."""
+
+    state: Array
+    residual: float
+    iterations: int
+    converged: bool
+    reason: str
+
+
+def damped_newton(
+    residual: Callable[[Array], Array],
+    jacobian: Callable[[Array], sparse.csc_array],
+    feasible: Callable[[Array], bool],
+    guess: Array,
+    options: NewtonOptions,
+) -> Equilibrium:
+    """Solve ``residual(s) = 0`` from ``guess``; iterates stay ``feasible``."""
+    state, value = guess.copy(), residual(guess)
+    size = float(np.abs(value).max())
+    for iteration in range(options.iterations):
+        if size <= options.tolerance:
+            return Equilibrium(state, size, iteration, True, "converged")
+        try:
+            step = splu(jacobian(state)).solve(value)
+        except RuntimeError:
+            return Equilibrium(state, size, iteration, False, "the Jacobian is singular")
+        damping, norm = 1.0, np.linalg.norm(value)
+        while damping >= options.smallest_damping:
+            trial = state - damping * step
+            if feasible(trial):
+                trial_value = residual(trial)
+                # Rounding keeps |f| from decreasing in the last iteration.
+                if np.linalg.norm(trial_value) < (1.0 - 0.1 * damping) * norm or size < 1e3 * options.tolerance:
+                    break
+            damping *= 0.5
+        else:
+            return Equilibrium(
+                state, size, iteration, False, "no step keeps the film open and reduces the residual"
+            )
+        state, value = trial, trial_value
+        size = float(np.abs(value).max())
+    converged = size <= options.tolerance
+    reason = "converged" if converged else f"no convergence in {options.iterations} iterations"
+    return Equilibrium(state, size, options.iterations, converged, reason)
+
+
+def film_equilibrium(
+    bearing: Bearing,
+    position: Array,
+    parameters: Array,
+    guess: Array | None = None,
+    options: NewtonOptions = NewtonOptions(),
+) -> Equilibrium:
+    """Steady film and foil u = {p q} of one bearing with its journal at rest at ``position`` = (X, Y)."""
+    settings = bearing.settings
+    still = at_rest(parameters)
+    journal = np.array([position[0], position[1], 0.0, 0.0])
+    if guess is None:
+        guess = ambient_film(bearing, still)
+
+    def feasible(unknowns: Array) -> bool:
+        pressures = unknowns[: settings.nodes * settings.axial]
+        thickness = film_state(bearing, unknowns, journal, MEAN_PHASE, still).thickness
+        return bool(pressures.min() > 0.0 and thickness.min() > 0.0)
+
+    return damped_newton(
+        lambda u: film_state(bearing, u, journal, MEAN_PHASE, still).rates,
+        lambda u: linearise_bearing(bearing, u, journal, MEAN_PHASE, still).unknowns.tocsc(),
+        feasible,
+        guess,
+        options,
+    )
+
+
+def machine_equilibrium(
+    machine: Machine, parameters: Array, guess: Array | None = None, options: NewtonOptions = NewtonOptions()
+) -> Equilibrium:
+    """Equilibrium of the whole machine with its rings in their mean position, shape (N,)."""
+    still = at_rest(parameters)
+    if guess is None:
+        guess = starting_guess(machine, still)
+
+    def feasible(state: Array) -> bool:
+        return bool(machine.smallest_pressure(state) > 0.0 and machine.minimum_film(MEAN_PHASE, state, still).min() > 0.0)
+
+    return damped_newton(
+        lambda s: machine.rates(MEAN_PHASE, s, still),
+        lambda s: machine.jacobian(MEAN_PHASE, s, still),
+        feasible,
+        guess,
+        options,
+    )
+
+
+def at_rest(parameters: Array) -> Array:
+    """The parameters with the rings standing still in their mean position (no rate: frequency 0)."""
+    still = np.array(parameters, dtype=np.float64)
+    still[film.EXCITATION_FREQUENCY] = 0.0
+    return still
+
+
+def ambient_film(bearing: Bearing, parameters: Array) -> Array:
+    """Unknowns of a bearing at ambient pressure with the foil resting on the ring."""
+    settings = bearing.settings
+    pressures = settings.nodes * settings.axial
+    unknowns = np.concatenate([np.ones(pressures), np.zeros(settings.nodes)])
+    # q = 0 gives dq/dtau = a (p_m - 1) + r q_r: one relaxation time of it is the foil at rest
+    relaxation = film.foil_coefficients(parameters, bearing.integers, bearing.scalars)[1]
+    unknowns[pressures:] = film_state(bearing, unknowns, np.zeros(4), MEAN_PHASE, parameters).rates[pressures:] / relaxation
+    return unknowns
+
+
+def starting_guess(machine: Machine, parameters: Array) -> Array:
+    """Static guess: each journal is sunk until its film carries the journal's share of the weight.
+
+    The rotor is nearly rigid compared with the films, so the loads are those of a rigid body on two supports.
+    """
+    state = np.zeros(machine.size)
+    loads = static_loads(machine)
+    positions = []
+    for index, bearing in enumerate(machine.bearings):
+        own = machine.scales.bearings[index]
+        position, unknowns = carrying_position(bearing, loads[index] / own.force_ratio, parameters)
+        state[machine.film_unknowns(index)] = unknowns
+        positions.append(position * own.clearance_ratio)
+    state[machine.rotor_start : machine.rotor_start + machine.rotor_freedoms] = hung_rotor(machine, positions)
+    return state

@@ -1,0 +1,233 @@
+"""The map over one period, phi: s(0) -> s(T), with its derivatives applied to blocks of columns.
+
+Stroboscopic formulation: T = 2 pi turns / omega is known and the phase is that of the forcing.
+Autonomous formulation: T is unknown; a forced system is extended by the oscillator of Eq. 17.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from pipelines.orbits.propagation import propagate, workspace_size
+from pipelines.orbits.steppers import RK4, Stepper
+from pipelines.orbits.system import DynamicalSystem, Matrix, Vector
+
+_BLOCK_COLUMNS = 64  # columns per pass of a wide block: bounds the scratch memory
+_POWER_PHASES = 8  # phases at which the spectral radius is sampled
+_FIRST_POWER_STEPS = 60
+_POWER_STEPS = 15
+_POWER_WINDOW = 5  # growth factors in the geometric mean: a complex pair makes single ones oscillate
+_RADIUS_MARGIN = 1.15  # the power iteration approaches the radius from below
+
+
+class Formulation(StrEnum):
+    STROBOSCOPIC = "stroboscopic"
+    AUTONOMOUS = "autonomous"
+
+
+@dataclass(frozen=True)
+class Inhomogeneity:
+    """The forcing of an inhomogeneous column: d/dparameter and the growth of T with the column's variable."""
+
+    parameter: int = -1
+    period_rate: float = 0.0
+
+
+@dataclass(frozen=True)
+class PhaseReference:
+    """A cycle that fixes the phase of its neighbours: integral of <s - s_ref, ds_ref/dtau1> over tau1 is zero.
+
+    ``gradient`` (samples, size) is ds_ref/dtau1, ``offset`` the value of the functional at the reference itself.
+    """
+
+    gradient: Matrix
+    offset: float
+
+
+@dataclass(frozen=True)
+class PeriodImage:
+    """What one pass over the period returns.
+
+    ``state`` (size,), ``columns`` (size, m): M applied to the block; ``inhomogeneous`` (size, k): derivatives of the
+    map; ``orbit`` (samples, size) at tau1 = k/samples; ``phase``, ``phase_columns`` (m,), ``phase_inhomogeneous`` (k,):
+    the phase condition and its derivatives, zero without a reference; ``finite`` is False when the orbit diverged.
+    """
+
+    state: Vector
+    columns: Matrix
+    inhomogeneous: Matrix
+    orbit: Matrix
+    phase: float
+    phase_columns: Vector
+    phase_inhomogeneous: Vector
+    finite: bool
+
+
+@dataclass(frozen=True)
+class PeriodMap:
+    """One period of a system with one stepper.
+
+    ``turns``: forcing periods in the cycle (2 follows the branch born at a period doubling); ``samples``: equally
+    spaced phases at which the orbit is returned; ``minimum_steps``: accuracy floor, ``steps_per_period``: fixed number
+    that replaces the choice by stability.  Raises ValueError for counts below one or a stroboscopic map of an
+    autonomous system.
+    """
+
+    system: DynamicalSystem
+    stepper: Stepper = RK4
+    formulation: Formulation = Formulation.STROBOSCOPIC
+    turns: int = 1
+    samples: int = 64
+    minimum_steps: int = 128
+    steps_per_period: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.formulation is Formulation.STROBOSCOPIC and self.system.forcing is None:
+            raise ValueError("a stroboscopic map needs a forcing frequency; use the autonomous formulation")
+        for name in ("turns", "samples", "minimum_steps", "steps_per_period"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise ValueError(f"{name} is {value}; at least 1 is needed")
+
+    @property
+    def autonomous(self) -> bool:
+        """True when the period is unknown and the phase condition closes the problem."""
+        return self.formulation is Formulation.AUTONOMOUS
+
+    @property
+    def extended(self) -> bool:
+        """True when the oscillator of Eq. 17 is appended to the state."""
+        return self.autonomous and self.system.forcing is not None
+
+    @property
+    def size(self) -> int:
+        return self.system.size + (2 if self.extended else 0)
+
+    def extend(self, state: Vector) -> Vector:
+        """A state of the system at phase zero as a state of this map: with (sin 0, cos 0) appended if extended."""
+        return np.concatenate([state, [0.0, 1.0]]) if self.extended else np.array(state, dtype=float)
+
+    def period(self, parameters: Vector) -> float:
+        """T = 2 pi turns / omega of the forcing; ValueError for an autonomous system."""
+        if self.system.forcing is None:
+            raise ValueError("the period of an autonomous system does not follow from its parameters")
+        return 2.0 * math.pi * self.turns / float(parameters[self.system.forcing])
+
+    def parameter_column(self, parameter: int, parameters: Vector) -> Inhomogeneity:
+        """The column d phi/d parameter, with T'(omega) = -T/omega for the forcing frequency of a known period."""
+        if self.autonomous or parameter != self.system.forcing:
+            return Inhomogeneity(parameter)
+        return Inhomogeneity(parameter, -self.period(parameters) / float(parameters[parameter]))
+
+    def evaluate(
+        self,
+        state: Vector,
+        parameters: Vector,
+        period: float,
+        steps: int,
+        columns: Matrix | None = None,
+        inhomogeneous: tuple[Inhomogeneity, ...] = (),
+        reference: PhaseReference | None = None,
+    ) -> PeriodImage:
+        """phi(state), M @ columns, the inhomogeneous columns and the phase condition in one pass.
+
+        ``steps`` must be a multiple of ``samples`` (``steps_for`` returns such numbers); ValueError otherwise.
+        """
+        if steps % self.samples:
+            raise ValueError(f"steps is {steps}; it must be a multiple of the {self.samples} samples")
+        size, given = self.size, 0 if columns is None else columns.shape[1]
+        width = given + len(inhomogeneous)
+        block = np.zeros((size, width))
+        if columns is not None:
+            block[:, :given] = columns
+        column_parameter = np.full(width, -1, dtype=np.int64)
+        column_period = np.zeros(width)
+        for j, term in enumerate(inhomogeneous):
+            column_parameter[given + j] = term.parameter
+            column_period[given + j] = term.period_rate
+
+        final = np.array(state, dtype=float)
+        orbit = np.empty((self.samples, size))
+        gradient = np.zeros((0, size)) if reference is None else reference.gradient
+        functional = np.zeros(1 + width)
+        system, stepper = self.system, self.stepper
+        loop = propagate if system.compiled else propagate.py_func
+        with np.errstate(all="ignore"):
+            failed = loop(
+                system.rates, system.tangent, stepper.a, stepper.b, stepper.c, steps, 2.0 * math.pi * self.turns, period,
+                system.forcing if self.extended else -1, np.array(parameters, dtype=float), system.constants,
+                system.layout, np.zeros(system.work_size), final, block, column_parameter, column_period, orbit, gradient,
+                functional, np.zeros(workspace_size(size, width, stepper.stages, len(parameters))),
+            )  # fmt: skip
+        return PeriodImage(
+            state=final,
+            columns=np.ascontiguousarray(block[:, :given]),
+            inhomogeneous=np.ascontiguousarray(block[:, given:]),
+            orbit=orbit,
+            phase=float(functional[0]) - (0.0 if reference is None else reference.offset),
+            phase_columns=functional[1 : 1 + given].copy(),
+            phase_inhomogeneous=functional[1 + given :].copy(),
+            finite=failed < 0 and bool(np.all(np.isfinite(block))),
+        )
+
+    def monodromy_columns(
+        self, state: Vector, parameters: Vector, period: float, steps: int, columns: Matrix
+    ) -> Matrix:
+        """M @ columns for any number of columns, in blocks of bounded memory."""
+        parts = [
+            self.evaluate(state, parameters, period, steps, columns[:, first : first + _BLOCK_COLUMNS]).columns
+            for first in range(0, columns.shape[1], _BLOCK_COLUMNS)
+        ]
+        return np.ascontiguousarray(np.hstack(parts))
+
+    def phase_reference(self, orbit: Matrix, parameters: Vector, period: float) -> PhaseReference:
+        """The phase condition that an orbit (samples, size) imposes on its neighbours."""
+        gradient = np.empty_like(orbit)
+        for k, state in enumerate(orbit):
+            gradient[k] = period * self._rates(k, state, parameters)
+        return PhaseReference(gradient, float(np.sum(gradient * orbit)) / len(orbit))
+
+    def _rates(self, sample: int, state: Vector, parameters: Vector) -> Vector:
+        phase = 2.0 * math.pi * self.turns * sample / self.samples
+        if not self.extended:
+            return self.system.rates_at(phase, state, parameters)
+        s1, s2 = state[-2:]
+        omega, radius = parameters[self.system.forcing], s1 * s1 + s2 * s2
+        rates = self.system.rates_at(math.atan2(s1, s2), np.ascontiguousarray(state[:-2]), parameters)
+        return np.concatenate([rates, [s1 + omega * s2 - s1 * radius, -omega * s1 + s2 - s2 * radius]])
+
+    def spectral_radius(self, orbit: Matrix, parameters: Vector) -> float:
+        """Largest modulus of the eigenvalues of J along an orbit (samples, size), by power iteration.
+
+        The start vector is fixed, so that the same orbit always gives the same number.
+        """
+        size, radius = self.system.size, 0.0
+        golden = (math.sqrt(5.0) - 1.0) / 2.0
+        vector = (np.arange(1, size + 1) * golden) % 1.0 - 0.4
+        stride = max(1, self.samples // _POWER_PHASES)
+        for k in range(0, self.samples, stride):
+            state = np.ascontiguousarray(orbit[k, :size])
+            phase = 2.0 * math.pi * self.turns * k / self.samples
+            if self.extended:
+                phase = math.atan2(orbit[k, -2], orbit[k, -1])
+            growth = []
+            for _ in range(_FIRST_POWER_STEPS if k == 0 else _POWER_STEPS):
+                vector = vector / np.linalg.norm(vector)
+                vector = self.system.tangent_at(phase, state, vector[:, None], parameters)[:, 0]
+                growth.append(float(np.linalg.norm(vector)))
+                if growth[-1] == 0.0 or not math.isfinite(growth[-1]):
+                    return radius
+            radius = max(radius, math.exp(sum(map(math.log, growth[-_POWER_WINDOW:])) / _POWER_WINDOW))
+        return radius
+
+    def steps_for(self, spectral_radius: float, period: float) -> int:
+        """Steps per period that keep radius T / steps inside the real stability interval; a multiple of the samples."""
+        steps = self.steps_per_period
+        if steps is None:
+            stable = _RADIUS_MARGIN * spectral_radius * period / self.stepper.real_stability_interval
+            steps = max(self.minimum_steps * self.turns, math.ceil(stable))
+        return self.samples * math.ceil(steps / self.samples)
