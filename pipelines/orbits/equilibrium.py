@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,21 +111,57 @@ def film_equilibrium(
 def machine_equilibrium(
     machine: Machine, parameters: Array, guess: Array | None = None, options: NewtonOptions = NewtonOptions()
 ) -> Equilibrium:
-    """Equilibrium of the whole machine with its rings in their mean position, shape (N,)."""
+    """Equilibrium of the whole machine with its rings in their mean position, state of shape (N,).
+
+    Without success from the guess, or without a guess, the rotor's weight is put on the films step by step; if they
+    cannot carry all of it, the reason says how much they carry.
+    """
     still = at_rest(parameters)
-    if guess is None:
-        guess = starting_guess(machine, still)
+    if guess is not None:
+        result = _carry(machine, still, guess, 1.0, options)
+        if result.converged:
+            return result
+    result = _carry(machine, still, resting_guess(machine, still), 1.0, options)
+    return result if result.converged else _ramp_weight(machine, still, options)
+
+
+def _carry(machine: Machine, still: Array, guess: Array, share: float, options: NewtonOptions) -> Equilibrium:
+    """Equilibrium with a share of the rotor's weight, by damped Newton from ``guess``."""
+    missing = np.zeros(machine.size)
+    missing[machine.rotor_start :] = (1.0 - share) * machine.space.gravity
 
     def feasible(state: Array) -> bool:
-        return bool(machine.smallest_pressure(state) > 0.0 and machine.minimum_film(MEAN_PHASE, state, still).min() > 0.0)
+        films = [machine.film(index, MEAN_PHASE, state, still) for index in range(len(machine.bearings))]
+        return all(one.thickness.min() > 0.0 and one.padded_pressure.min() > 0.0 for one in films)
 
     return damped_newton(
-        lambda s: machine.rates(MEAN_PHASE, s, still),
+        lambda s: machine.rates(MEAN_PHASE, s, still) - missing,
         lambda s: machine.jacobian(MEAN_PHASE, s, still),
         feasible,
         guess,
         options,
     )
+
+
+def _ramp_weight(machine: Machine, still: Array, options: NewtonOptions) -> Equilibrium:
+    """Follow the equilibrium while the weight grows from 5 % to all of it; halve the increment on failure."""
+    share, step = 0.05, 0.1
+    result = _carry(machine, still, resting_guess(machine, still, eccentricity=0.1), share, options)
+    carried = share if result.converged else 0.0
+    while result.converged and carried < 1.0 and step > 1e-3:
+        share = min(1.0, carried + step)
+        trial = _carry(machine, still, result.state, share, options)
+        if trial.converged:
+            result, carried, step = trial, share, 1.5 * step
+        else:
+            step *= 0.5
+    if carried == 1.0:
+        return result
+    reason = (
+        f"the films carry only {100.0 * carried:.0f} % of the rotor's weight at this speed "
+        f"({result.reason}); raise the speed, the bearing area or the viscosity, or lighten the rotor"
+    )
+    return replace(result, converged=False, reason=reason)
 
 
 def at_rest(parameters: Array) -> Array:
@@ -146,18 +182,20 @@ def ambient_film(bearing: Bearing, parameters: Array) -> Array:
     return unknowns
 
 
-def starting_guess(machine: Machine, parameters: Array) -> Array:
-    """Static guess: each journal is sunk until its film carries the journal's share of the weight.
-
-    The rotor is nearly rigid compared with the films, so the loads are those of a rigid body on two supports.
-    """
+def resting_guess(machine: Machine, parameters: Array, eccentricity: float = 0.3) -> Array:
+    """A state with both journals at rest at this eccentricity, 45 degrees after the load line, films in equilibrium."""
     state = np.zeros(machine.size)
-    loads = static_loads(machine)
-    positions = []
+    position = eccentricity * np.sqrt(0.5) * np.array([1.0, -1.0])
+    targets = np.zeros(machine.rotor_freedoms)
+    held = np.zeros(machine.rotor_freedoms)
     for index, bearing in enumerate(machine.bearings):
-        own = machine.scales.bearings[index]
-        position, unknowns = carrying_position(bearing, loads[index] / own.force_ratio, parameters)
-        state[machine.film_unknowns(index)] = unknowns
-        positions.append(position * own.clearance_ratio)
-    state[machine.rotor_start : machine.rotor_start + machine.rotor_freedoms] = hung_rotor(machine, positions)
+        state[machine.film_unknowns(index)] = film_equilibrium(bearing, position, parameters).state
+        freedoms = slice(machine.journal_freedoms[index], machine.journal_freedoms[index] + 2)
+        targets[freedoms] = position * machine.scales.bearings[index].clearance_ratio
+        held[freedoms] = 1.0
+    # the rotor hangs in springs at its journals, far stiffer than itself: (K + k E E') x = F + k E X
+    start, size = machine.rotor_start, machine.rotor_freedoms
+    acceleration = machine.space.constant[size:, :size]
+    spring = 1e3 * np.abs(acceleration).max() * np.diag(held)
+    state[start : start + size] = np.linalg.solve(spring - acceleration, machine.space.gravity[size:] + spring @ targets)
     return state
