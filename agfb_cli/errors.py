@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import sys
 import traceback
 from collections.abc import Iterator
@@ -28,16 +29,8 @@ class ExitCode(IntEnum):
     TERMINATED = 143
 
 
-class UsageProblem(Exception):
+class UsageError(Exception):
     """The command cannot be carried out as typed; `hint` says what to try instead."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.hint = hint
-
-
-class StoreProblem(Exception):
-    """The store cannot be used for what was asked; `hint` says what to try instead."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -53,8 +46,16 @@ class Explanation:
     hint: str = ""
 
 
-_FULL = {errno.ENOSPC: "no space left on the disk", errno.EDQUOT: "disk quota exceeded", errno.EFBIG: "file too large"}
-_EXHAUSTED = {errno.EMFILE: "too many open files", errno.ENFILE: "too many open files", errno.ENOMEM: "out of memory"}
+_FULL = {
+    errno.ENOSPC: "no space left on the disk",
+    errno.EDQUOT: "disk quota exceeded",
+    errno.EFBIG: "file too large",
+}
+_EXHAUSTED = {
+    errno.EMFILE: "too many open files",
+    errno.ENFILE: "too many open files",
+    errno.ENOMEM: "out of memory",
+}
 _FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)
 _RESUMES = "what was committed is kept; the same command goes on from there"
 
@@ -62,19 +63,19 @@ _RESUMES = "what was committed is kept; the same command goes on from there"
 def explain(error: BaseException) -> Explanation:
     """Map an exception to an exit code and a message.
 
-    The packages that define the project's own errors are looked up among the loaded modules: an error of theirs
-    cannot exist before they are loaded, and loading them here would cost a second for nothing.
+    The packages that define the project's own errors are looked up among the loaded modules: an error of
+    theirs cannot exist before they are loaded, and loading them here would cost a second for nothing.
     """
-    if isinstance(error, UsageProblem):
+    if isinstance(error, UsageError):
         return Explanation(ExitCode.USAGE, str(error), error.hint)
-    if isinstance(error, StoreProblem):
-        return Explanation(ExitCode.STORE, str(error), error.hint)
     if _is_from(error, "pipelines.case.reading", "CaseError"):
         return Explanation(ExitCode.USAGE, str(error))
-    if _is_from(error, "pipelines.datasets.store", "StoreError"):
-        return Explanation(ExitCode.STORE, str(error))
+    if _is_from(error, "pipelines.datasets.errors", "StoreError"):
+        return _explain_store_error(error)
     if isinstance(error, MemoryError):
-        return Explanation(ExitCode.RESOURCES, "out of memory", "use a smaller grid or fewer workers; " + _RESUMES)
+        return Explanation(
+            ExitCode.RESOURCES, "out of memory", "use a smaller grid or fewer workers; " + _RESUMES
+        )
     if isinstance(error, OSError):
         return _explain_system_error(error)
     if isinstance(error, ImportError) and (error.name or "").split(".")[0] in ("pipelines", "agfb_cli"):
@@ -85,11 +86,16 @@ def explain(error: BaseException) -> Explanation:
             "numba finds no directory that it may write its compiled kernels to",
             "set the environment variable NUMBA_CACHE_DIR to a writable directory",
         )
-    return Explanation(
-        ExitCode.BUG,
-        f"unexpected {type(error).__name__}: {error}",
-        "this is a bug in agfb: please report it with the output of the same command with --traceback",
-    )
+    return _bug(error)
+
+
+def _explain_store_error(error: BaseException) -> Explanation:
+    # A write that the system refused for want of room is not the store's fault.
+    cause = error.__cause__
+    refused = isinstance(cause, OSError) and cause.errno in (*_FULL, *_EXHAUSTED)
+    place = f"{path}: " if (path := getattr(error, "path", None)) else ""
+    message, advice = getattr(error, "message", str(error)), getattr(error, "advice", "")
+    return Explanation(ExitCode.RESOURCES if refused else ExitCode.STORE, place + message, advice)
 
 
 def _explain_system_error(error: OSError) -> Explanation:
@@ -103,7 +109,13 @@ def _explain_system_error(error: OSError) -> Explanation:
             ExitCode.STORE, f"{where}{error.strerror}", "name a directory that you may write to with -o"
         )
     if error.errno == errno.EIO:
-        return Explanation(ExitCode.RESOURCES, f"{where}{error.strerror}", "the disk or network file system fails")
+        return Explanation(
+            ExitCode.RESOURCES, f"{where}{error.strerror}", "the disk or network file system fails"
+        )
+    return _bug(error)
+
+
+def _bug(error: BaseException) -> Explanation:
     return Explanation(
         ExitCode.BUG,
         f"unexpected {type(error).__name__}: {error}",
@@ -128,8 +140,9 @@ def explained(console: Console) -> Iterator[None]:
         console.error("interrupted")
         raise typer.Exit(ExitCode.INTERRUPTED) from None
     except BrokenPipeError:
-        # The reader of our output (`| head`) has seen enough. Python must not flush into the closed pipe again.
-        sys.stdout = sys.__stdout__ = None  # type: ignore[assignment, misc]
+        # The reader of our output (`| head`) has seen enough; Python must not flush into the closed pipe at
+        # exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(ExitCode.DONE) from None
     except Exception as error:
         if console.traceback:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from pathlib import Path
 
-from agfb_cli.errors import UsageProblem
+from agfb_cli.errors import UsageError
 
 LARGEST_CONFIGURATION = 4 * 1024 * 1024
 
@@ -13,37 +13,38 @@ LARGEST_CONFIGURATION = 4 * 1024 * 1024
 def read_configuration(path: Path) -> str:
     """The text of a TOML file.
 
-    Raises UsageProblem when there is no such file, or it is a directory, unreadable, too large or not text.
+    Raises UsageError when there is no such file, or it is a directory, unreadable, too large or not text.
     """
     if path.is_dir():
-        raise UsageProblem(f"{path}: is a directory, a TOML file is needed", _configurations_in(path))
+        raise UsageError(f"{path}: is a directory, a TOML file is needed", _configurations_in(path))
     try:
         with path.open("rb") as file:
             raw = file.read(LARGEST_CONFIGURATION + 1)
     except FileNotFoundError:
-        raise UsageProblem(f"{path}: no such file", nearest_name(path)) from None
+        raise UsageError(f"{path}: no such file", nearest_name(path)) from None
     except OSError as error:
-        raise UsageProblem(f"{path}: cannot be read: {error.strerror}") from None
+        raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
     if len(raw) > LARGEST_CONFIGURATION:
-        raise UsageProblem(f"{path}: larger than {LARGEST_CONFIGURATION // 2**20} MiB, not a configuration")
+        raise UsageError(f"{path}: larger than {LARGEST_CONFIGURATION // 2**20} MiB, not a configuration")
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise UsageProblem(
+        raise UsageError(
             f"{path}: not UTF-8 text (byte {error.start})", "a configuration is a TOML file in UTF-8"
         ) from None
     if "\0" in text:
-        raise UsageProblem(f"{path}: binary file", "a configuration is a TOML file in UTF-8")
+        raise UsageError(f"{path}: binary file", "a configuration is a TOML file in UTF-8")
     return text
 
 
 def existing_store(path: Path) -> Path:
-    """The path of a store to read; raises UsageProblem when there is none."""
+    """The path of a store to read; raises UsageError when there is none."""
     if not path.exists():
-        raise UsageProblem(f"{path}: no such store", nearest_name(path))
+        raise UsageError(f"{path}: no such store", nearest_name(path))
     if not path.is_dir() or not (path / "zarr.json").is_file():
-        raise UsageProblem(
-            f"{path}: not a Zarr v3 store", "a store is a directory with a file zarr.json, written by `agfb run`"
+        raise UsageError(
+            f"{path}: not a Zarr v3 store",
+            "a store is a directory with a file zarr.json, written by `agfb run`",
         )
     return path
 
@@ -54,7 +55,7 @@ def default_store(configuration: Path) -> Path:
 
 
 def nearest_name(path: Path) -> str:
-    """A hint naming the most similar entry of the directory that `path` was looked for in, or an empty string."""
+    """A hint naming the entry most similar to `path` in its directory, or an empty string."""
     directory = path.parent
     if not directory.is_dir():
         return f"there is no directory {directory} either"

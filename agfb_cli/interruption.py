@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: the first asks the computation to stop at the next commit, the second ends it at once."""
+"""Ctrl-C and SIGTERM: the first asks to stop at the next commit, the second ends the process at once."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -18,8 +19,8 @@ SECONDS_BETWEEN_FRAMES = 0.1
 class ProgressReporter:
     """Shows every `Progress` it is given.
 
-    On a terminal one line is overwritten; elsewhere (a log, CI) a line is written every few seconds and at the
-    end of each case, so that a long run is alive but does not fill a disk.
+    On a terminal one line is overwritten; elsewhere (a log, CI) a line is written every few seconds and at
+    the end of each case, so that a long run is alive but does not fill a disk.
     """
 
     def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
@@ -47,7 +48,7 @@ class ProgressReporter:
         # A resumed branch starts at its last committed point: the rate counts only what is computed now.
         self._subject = (progress.stage, progress.case_id)
         self._started, self._first_done = now, progress.done
-        self._shown = now if self._console.animated else now - self._interval
+        self._shown = -math.inf
 
     def _show(self, progress: Progress, now: float) -> None:
         text = describe(progress, progress.done - self._first_done, now - self._started)

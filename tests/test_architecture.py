@@ -19,7 +19,8 @@ FLOORS = {
     "machine": {"case"},
     "case": set(),
 }
-# Third-party packages that may appear on some floors only. What is not listed may appear anywhere below agfb_cli.
+# Third-party packages that may appear on some floors only. What is not listed may appear anywhere below
+# agfb_cli.
 CONFINED = {
     "typer": {"agfb_cli"},
     "rich": set(),
@@ -41,9 +42,9 @@ CONFINED = {
 TOP_LEVEL_FOLDERS = {"agfb_cli", "pipelines", "configs", "tests"}
 MADE_BY_TOOLS = {"build", "dist"}
 MUTABLE_CONSTRUCTORS = {"list", "dict", "set", "defaultdict", "deque", "OrderedDict", "Counter", "bytearray"}
-MUTATING_METHODS = {
-    "append", "extend", "insert", "remove", "pop", "popitem", "clear", "update", "setdefault", "add", "discard", "sort",
-}  # fmt: skip
+MUTATING_METHODS = frozenset(
+    ["append", "extend", "insert", "remove", "pop", "popitem", "clear", "update", "setdefault", "add", "discard", "sort"]
+)
 
 MODULES = sorted([*(ROOT / "pipelines").rglob("*.py"), *(ROOT / "agfb_cli").rglob("*.py")])
 PARSED = {path: ast.parse(path.read_text(encoding="utf-8"), filename=str(path)) for path in MODULES}
@@ -138,8 +139,8 @@ def mutations(tree: ast.Module) -> list[str]:
             owner = node.func.value
             if isinstance(owner, ast.Name) and owner.id in shared and node.func.attr in MUTATING_METHODS:
                 found.append(f"line {node.lineno}: {owner.id}.{node.func.attr}()")
-        if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store | ast.Del):
-            if isinstance(node.value, ast.Name) and node.value.id in shared:
+        if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
+            if isinstance(node.ctx, ast.Store | ast.Del) and node.value.id in shared:
                 found.append(f"line {node.lineno}: {node.value.id}[...] is assigned")
     return found
 

@@ -30,11 +30,11 @@ class Progress:
 class StageResult:
     """How one stage ended on one case.
 
-    `ok` is False when the case could not be computed as asked; `stop_reason` then names why and `advice` is a
-    sentence that tells the user what to change. `summary` holds the few numbers worth a line on the terminal
-    (plain scalars only; NaN is not allowed, None stands for a missing number). `failed_by` tells a case that cannot
-    be computed from a store that cannot be read and from an error of this program, whose `traceback` is kept; both
-    are filled in by the scheduling.
+    `ok` is False when the case could not be computed as asked; `stop_reason` then names why and `advice` is
+    a sentence that tells the user what to change. `summary` holds the few numbers worth a line on the
+    terminal (plain scalars only; NaN is not allowed, None stands for a missing number). `failed_by` tells a
+    case that cannot be computed from a store that cannot be read and from an error of this program, whose
+    `traceback` is kept; both are filled in by the scheduling.
     """
 
     case_id: str

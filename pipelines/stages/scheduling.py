@@ -1,8 +1,8 @@
 """Running one stage over many cases: one task is one case, plain dictionaries in and out.
 
-A task is idempotent: run again, it goes on from the last row that its case committed. `run_cases` runs the tasks one
-after the other in this process; because nothing but dictionaries and strings enters or leaves `run_task`, the same
-tasks can be handed to any executor.
+A task is idempotent: run again, it goes on from the last row that its case committed. `run_cases` runs the
+tasks one after the other in this process; because nothing but dictionaries and strings enters or leaves
+`run_task`, the same tasks can be handed to any executor.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from pipelines.case.reading import NamedCase
-from pipelines.datasets.store import StoreError
+from pipelines.datasets.errors import StoreError, WriteError
 from pipelines.stages.results import FailedBy, Report, ShouldStop, StageResult
 
 STAGES = ("linearize", "criticals", "continue_cycles")
@@ -34,8 +34,8 @@ def run_cases(
 ) -> Iterator[StageResult]:
     """Run `stage` (one of `STAGES`) on every case in order and yield each result as soon as it is known.
 
-    A case that raises yields a failed result and the next case is run; only what no case could survive (a full
-    disk, no memory) is raised. When `should_stop` answers True no further case is started.
+    A case that raises yields a failed result and the next case is run; only what no case could survive (a
+    full disk, no memory) is raised. When `should_stop` answers True no further case is started.
     """
     for case in cases:
         if should_stop():
@@ -53,12 +53,14 @@ def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -
     case = NamedCase.from_dict(task["case"])
     try:
         result = stage_function(task["stage"])(case, Path(task["store"]), report, should_stop)
-    except (MemoryError, OSError):
+    except (MemoryError, OSError, WriteError):
         raise
     except StoreError as error:
         result = _failure(case, error, "store", "the other cases of the store are not affected")
     except Exception as error:
-        result = _failure(case, error, "bug", "this is a bug: please report it with the output of --traceback")
+        result = _failure(
+            case, error, "bug", "this is a bug: please report it with the output of --traceback"
+        )
     return result.as_dict()
 
 

@@ -1,0 +1,14 @@
+"""`agfb continue-cycles`, also called `agfb continue`."""
+
+from __future__ import annotations
+
+from agfb_cli.commands.stage import stage_command
+
+HELP = """A branch of limit cycles with Floquet multipliers, folds, period doublings, Neimark-Sacker points.
+
+Continues in the parameter continue_cycles.parameter over continue_cycles.range. Every point is committed as
+it is found; an interrupted branch goes on from its last point. Writes cases/CASE/cycles/b000 into the
+store.
+"""
+
+continue_cycles = stage_command(("continue_cycles",))

@@ -1,0 +1,190 @@
+"""What the commands that compute have in common: from a configuration to results in a store."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from agfb_cli.cases import load_cases
+from agfb_cli.console import Console, name_values, table
+from agfb_cli.errors import ExitCode, explained
+from agfb_cli.inputs import default_store
+from agfb_cli.interruption import Interruption, resume_command
+from agfb_cli.options import (
+    AsJson,
+    Assignments,
+    CasePattern,
+    Config,
+    DryRun,
+    Force,
+    Output,
+    Quiet,
+    Traceback,
+    Verbose,
+)
+from agfb_cli.progress import ProgressReporter
+
+if TYPE_CHECKING:
+    from pipelines.case.reading import NamedCase
+
+    from pipelines.stages.results import StageResult
+
+SECONDS_BEFORE_COMPILING_IS_ANNOUNCED = 2.0
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asked a computing command for."""
+
+    config: Path
+    store: Path
+    assignments: tuple[str, ...] = ()
+    case_pattern: str | None = None
+    dry_run: bool = False
+    force: bool = False
+
+
+@dataclass
+class Outcome:
+    """Results by stage, in the order in which they arrived."""
+
+    results: list[tuple[str, StageResult]] = field(default_factory=list)
+
+    def exit_code(self) -> ExitCode:
+        """0 when every case succeeded, 4 when the store failed a case, 3 for any other failed case."""
+        failed = [result.failed_by for _, result in self.results if not result.ok]
+        if "store" in failed:
+            return ExitCode.STORE
+        return ExitCode.CASES_FAILED if failed else ExitCode.DONE
+
+
+def stage_command(
+    stages: Sequence[str], afterwards: Callable[[Path, str | None, Console], None] | None = None
+) -> Callable[..., None]:
+    """Make the command that runs `stages` in order on every case, then `afterwards` on their store."""
+
+    def command(
+        config: Config,
+        output: Output = None,
+        assignments: Assignments = None,
+        case: CasePattern = None,
+        dry_run: DryRun = False,
+        force: Force = False,
+        quiet: Quiet = False,
+        verbose: Verbose = False,
+        json: AsJson = False,
+        traceback: Traceback = False,
+    ) -> None:
+        console = Console(quiet, verbose, json, traceback)
+        with explained(console):
+            store = output or default_store(config)
+            request = Request(config, store, tuple(assignments or ()), case, dry_run, force)
+            outcome = execute(stages, request, console)
+            if afterwards is not None and not dry_run:
+                afterwards(store, case, console)
+            raise typer.Exit(outcome.exit_code())
+
+    return command
+
+
+def execute(stages: Sequence[str], request: Request, console: Console) -> Outcome:
+    """Run `stages` as requested and show each result as it arrives; raises typer.Exit when interrupted."""
+    named_cases = load_cases(request.config, request.assignments, request.case_pattern)
+    if request.dry_run:
+        show_plan(stages, named_cases, request, console)
+        return Outcome()
+    with Interruption(console) as interruption:
+        prepare_store(request, named_cases, console)
+        outcome = compute(stages, named_cases, request, console, interruption)
+    if interruption.exit_code is not None:
+        console.error(f"stopped; everything committed is in {request.store}. To go on:")
+        console.error(f"  {resume_command(sys.argv)}")
+        raise typer.Exit(interruption.exit_code)
+    show_outcome(outcome, request.store, console)
+    return outcome
+
+
+def compute(
+    stages: Sequence[str],
+    named_cases: Sequence[NamedCase],
+    request: Request,
+    console: Console,
+    interruption: Interruption,
+) -> Outcome:
+    """Run the stages one after the other, each on all cases."""
+    from pipelines.stages.scheduling import run_cases, stage_function
+
+    outcome = Outcome()
+    reporter = ProgressReporter(console)
+    for stage in stages:
+        with console.announce_if_slow(
+            "compiling kernels (first run only)", SECONDS_BEFORE_COMPILING_IS_ANNOUNCED
+        ):
+            stage_function(stage)
+        for result in run_cases(stage, named_cases, request.store, reporter, interruption.requested):
+            outcome.results.append((stage, result))
+            reporter.close()
+            if not interruption.requested():
+                announce(stage, result, console)
+    return outcome
+
+
+def prepare_store(request: Request, named_cases: Sequence[NamedCase], console: Console) -> None:
+    """Create the store, or check that the one that exists was made from the same configuration."""
+    raise NotImplementedError  # replaced below once the store's interface is known
+
+
+def move_aside(path: Path) -> Path:
+    """Rename `path` to the first free `path.old-N` and return the new name."""
+    number = 1
+    while (aside := path.with_name(f"{path.name}.old-{number}")).exists():
+        number += 1
+    os.rename(path, aside)
+    return aside
+
+
+def announce(stage: str, result: StageResult, console: Console) -> None:
+    """Show one result: a line on stdout when it succeeded, the reason and the advice on stderr when not."""
+    name = f"{stage.replace('_', '-')} {result.case_id}"
+    if result.ok and not console.json:
+        numbers = name_values(result.summary)
+        console.data(f"{name}: {result.stop_reason}" + (f" ({numbers})" if numbers else ""))
+    if not result.ok:
+        console.error(f"{name}: failed: {result.stop_reason}")
+        if console.traceback and result.traceback:
+            console.error(result.traceback.rstrip())
+    if result.advice and (not result.ok or console.verbose):
+        console.message(f"  {result.advice}")
+
+
+def show_plan(
+    stages: Sequence[str], named_cases: Sequence[NamedCase], request: Request, console: Console
+) -> None:
+    """What `--dry-run` prints: nothing has been written."""
+    names = [stage.replace("_", "-") for stage in stages]
+    if console.json:
+        cases = [named.id for named in named_cases]
+        console.json_data({"store": str(request.store), "stages": names, "cases": cases})
+        return
+    rows = [(named.id, ", ".join(names)) for named in named_cases]
+    console.data(table(("case", "stages"), rows))
+    state = "goes on with" if request.store.exists() and not request.force else "creates"
+    console.message(f"dry run: {state} {request.store}; nothing was computed")
+
+
+def show_outcome(outcome: Outcome, store: Path, console: Console) -> None:
+    """Close a finished run: the JSON document if asked for, and how many cases failed."""
+    if console.json:
+        records = [{"stage": stage, **result.as_dict()} for stage, result in outcome.results]
+        console.json_data({"store": str(store), "results": records})
+    failed = sum(not result.ok for _, result in outcome.results)
+    if failed:
+        console.error(f"{failed} of {len(outcome.results)} results failed; the others are in {store}")
+    else:
+        console.message(f"results are in {store}")

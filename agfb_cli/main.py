@@ -1,0 +1,78 @@
+"""The `agfb` program: registers the commands. No numpy is imported before the body of a command runs."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated
+
+import typer
+
+from agfb_cli.commands import (
+    continue_cycles,
+    criticals,
+    doctor,
+    figures,
+    info,
+    linearize,
+    run,
+    schema,
+    validate,
+)
+
+BLAS_THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+
+app = typer.Typer(
+    name="agfb",
+    help="Bifurcation sets of rotors on active gas foil bearings: a TOML case in, a dataset and figures out.",
+    epilog=(
+        "Exit codes: 0 done, 1 bug, 2 usage or configuration, 3 finished but some cases failed, "
+        "4 store problem, 5 resources, 130 Ctrl-C, 143 SIGTERM."
+    ),
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"agfb {version('agfb')}")
+        raise typer.Exit
+
+
+@app.callback()
+def agfb(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
+    ] = False,
+) -> None:
+    """Prepare the process for any command.
+
+    BLAS gets one thread: the matrices are small, and threads that spin would slow the compiled kernels
+    down. A value already in the environment wins. This must precede the import of numpy.
+    """
+    for name in BLAS_THREAD_VARIABLES:
+        os.environ.setdefault(name, "1")
+
+
+app.command("linearize", help=linearize.HELP)(linearize.linearize)
+app.command("criticals", help=criticals.HELP)(criticals.criticals)
+app.command("continue-cycles", help=continue_cycles.HELP)(continue_cycles.continue_cycles)
+app.command("continue", help="The same as continue-cycles.")(continue_cycles.continue_cycles)
+app.command("run", help=run.HELP)(run.run)
+app.command("figures")(figures.figures)
+app.command("validate")(validate.validate)
+app.command("schema")(schema.schema)
+app.command("info")(info.info)
+app.command("doctor")(doctor.doctor)
