@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,6 +12,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.patches import Circle
 from numpy.typing import ArrayLike, NDArray
+
+Conversion = Callable[[ArrayLike], ArrayLike]
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,7 @@ class ParameterAxis:
 
     @property
     def label(self) -> str:
+        """Title and symbol, for the dimensionless axis."""
         return f"{self.title} {self.symbol} [–]"
 
 
@@ -61,14 +66,24 @@ def add_parameter_axis(
 
 def add_top(axes: Axes, factor: float, label: str) -> None:
     """Second x axis: ``factor`` times the first."""
-    second = axes.secondary_xaxis("top", functions=(lambda x: x * factor, lambda x: x / factor))
+    second = axes.secondary_xaxis("top", functions=_proportional(factor))
     second.set_xlabel(label)
 
 
 def add_right(axes: Axes, factor: float, label: str) -> None:
     """Second y axis: ``factor`` times the first."""
-    second = axes.secondary_yaxis("right", functions=(lambda y: y * factor, lambda y: y / factor))
+    second = axes.secondary_yaxis("right", functions=_proportional(factor))
     second.set_ylabel(label)
+
+
+def _proportional(factor: float) -> tuple[Conversion, Conversion]:
+    def forward(values: ArrayLike) -> ArrayLike:
+        return np.asarray(values, dtype=float) * factor
+
+    def backward(values: ArrayLike) -> ArrayLike:
+        return np.asarray(values, dtype=float) / factor
+
+    return forward, backward
 
 
 def limits(values: ArrayLike, margin: float = 0.05) -> tuple[float, float]:
@@ -89,7 +104,7 @@ def coloured_line(
     values: NDArray[np.float64],
     norm: Normalize,
     colours: str | Colormap,
-    **options: object,
+    **options: Any,
 ) -> LineCollection:
     """Draw a polyline whose segments take their colour from the mean value at their two ends.
 
@@ -99,7 +114,7 @@ def coloured_line(
     segments = np.stack([points[:-1], points[1:]], axis=1)
     means = 0.5 * (values[:-1] + values[1:])
     known = np.isfinite(segments).all(axis=(1, 2)) & np.isfinite(means)
-    lines = LineCollection(list(segments[known]), array=means[known], norm=norm, cmap=colours, **options)  # type: ignore[arg-type]
+    lines = LineCollection(list(segments[known]), array=means[known], norm=norm, cmap=colours, **options)
     axes.add_collection(lines)
     return lines
 

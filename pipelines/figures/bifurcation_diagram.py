@@ -21,21 +21,17 @@ class EventMark:
     """How a bifurcation is drawn."""
 
     label: str
-    short: str
     marker: str
     colour: str
 
 
 EVENT_MARKS = {
-    "fold": EventMark("fold (LPC)", "LPC", "s", style.GREEN),
-    "period_doubling": EventMark("period doubling (PD)", "PD", "D", style.ORANGE),
-    "neimark_sacker": EventMark("Neimark–Sacker (NS)", "NS", "o", style.PURPLE),
-    "branch_point": EventMark("branch point (BP)", "BP", "^", style.BLACK),
+    "fold": EventMark("fold (LPC)", "s", style.GREEN),
+    "period_doubling": EventMark("period doubling (PD)", "D", style.ORANGE),
+    "neimark_sacker": EventMark("Neimark–Sacker (NS)", "o", style.PURPLE),
+    "branch_point": EventMark("branch point (BP)", "^", style.BLACK),
+    "neutral_saddle": EventMark("neutral saddle", "X", style.GREY),
 }
-
-# One bearing is drawn broad and pale, the other thin on top of it: of a symmetric machine both stay visible.
-BEARING_WIDTHS = (3.0, 1.1)
-BEARING_ALPHAS = (0.40, 1.0)
 
 
 @dataclass(frozen=True)
@@ -51,8 +47,8 @@ class Curve:
 def thread_events(branch: Table, parameter: str, values: NDArray[np.float64]) -> Curve:
     """Put the located bifurcations between the points around them.
 
-    A store keeps the parameter and the state of a bifurcation, not its envelope: ``values`` (point, k) are read off
-    between the neighbours, at the fraction of the way which the state has gone.
+    A store keeps the parameter and the state of a bifurcation, not its envelope: ``values`` (point, k) are
+    read off between the neighbours, at the fraction of the way which the state has gone.
     """
     along = np.asarray(branch[parameter], dtype=float)
     stable, after = stable_points(branch), event_neighbours(branch)
@@ -97,7 +93,7 @@ def event_names(branch: Table) -> list[str]:
 
 @style.in_style
 def draw_bifurcation_diagram(case: CaseView, parameter: str, branches: Sequence[Table]) -> Figure:
-    """Envelope of the vertical and horizontal journal motion and its largest eccentricity, against a parameter."""
+    """Envelope of the vertical and horizontal journal motion and its largest eccentricity."""
     figure = style.new_figure(7.4)
     panels = figure.subplots(3, 1, sharex=True)
     quantities = (envelope(1), envelope(0), largest_eccentricity)
@@ -117,7 +113,7 @@ def draw_bifurcation_diagram(case: CaseView, parameter: str, branches: Sequence[
     add_parameter_axis(panels[0], parameter, case.scales, bottom=False)
     add_parameter_axis(panels[-1], parameter, case.scales, top=False)
     kinds = {kind for branch in branches for kind in event_names(branch)}
-    figure.legend(handles=_legend(case.bearings, kinds), loc="outside lower center", ncols=4)
+    style.legend_below(figure, _legend(case.bearings, kinds), 4)
     title = f"{case.name}: limit cycles along the {PARAMETER_AXES[parameter].title}{_progress(branches)}"
     return style.finish(figure, title, case.note)
 
@@ -126,7 +122,7 @@ Quantity = Callable[[CaseView, Table, int], NDArray[np.float64]]
 
 
 def envelope(axis: int) -> Quantity:
-    """Quantity (point, 2): the largest and the smallest journal coordinate of each cycle (axis 0: x, 1: y)."""
+    """Quantity (point, 2): largest and smallest journal coordinate of each cycle (axis 0: x, 1: y)."""
 
     def quantity(case: CaseView, branch: Table, bearing: int) -> NDArray[np.float64]:
         column = case.journal_coordinates(bearing)[axis]
@@ -136,7 +132,7 @@ def envelope(axis: int) -> Quantity:
 
 
 def largest_eccentricity(case: CaseView, branch: Table, bearing: int) -> NDArray[np.float64]:
-    """Quantity (point, 1): the largest distance of the journal from the centre of the bearing in each cycle."""
+    """Quantity (point, 1): largest distance of the journal from the bearing centre in each cycle."""
     x, y = case.journal_coordinates(bearing)
     orbit = branch["orbit"]
     return np.asarray(np.hypot(orbit[:, :, x], orbit[:, :, y]).max(axis=1)[:, None])
@@ -146,11 +142,7 @@ def _draw_curve(
     axes: Axes, branch: Table, parameter: str, values: NDArray[np.float64], bearing: int
 ) -> list[NDArray[np.float64]]:
     curve = thread_events(branch, parameter, values)
-    look = {
-        "color": style.BEARING_COLOURS[bearing % 2],
-        "linewidth": BEARING_WIDTHS[bearing % 2],
-        "alpha": BEARING_ALPHAS[bearing % 2],
-    }
+    look = style.bearing_look(bearing)
     for column in curve.values.T:
         for start, stop in _runs(curve.stable):
             line = "-" if curve.stable[start] else (0, (3.5, 1.8))
@@ -170,7 +162,7 @@ def _draw_curve(
                 linestyle="none",
                 zorder=5,
             )
-    return [column for column in curve.values.T]
+    return list(curve.values.T)
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -183,14 +175,7 @@ def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 def _legend(bearings: int, kinds: set[str]) -> list[Line2D]:
     handles = [
-        Line2D(
-            [],
-            [],
-            color=style.BEARING_COLOURS[bearing % 2],
-            linewidth=BEARING_WIDTHS[bearing % 2],
-            alpha=BEARING_ALPHAS[bearing % 2],
-            label=f"bearing {bearing + 1}",
-        )
+        Line2D([], [], label=f"bearing {bearing + 1}", **style.bearing_look(bearing))
         for bearing in range(bearings)
     ]
     handles.append(Line2D([], [], color="#333333", linestyle="-", label="stable"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
@@ -17,7 +19,9 @@ from pipelines.figures.contents import CaseView, Table
 DAMPING_MAP = "cividis"
 LARGEST_DAMPING = 0.5  # modes damped more than this are no criticals
 SHAPES = 4  # mode shapes drawn
-LINES = {"forward": "-", "backward": (0, (4, 1.5)), "mixed": ":"}
+LINES: dict[str, Any] = {"forward": "-", "backward": (0, (4, 1.5)), "mixed": ":"}
+DIRECTION_COLOURS = {"forward": style.BLUE, "backward": style.VERMILION, "mixed": style.PURPLE}
+OBLIQUE = 0.16  # how far along the rotor a horizontal displacement of 1 is drawn, over its length
 RESONANCE_MARKS = {
     "principal": ("D", style.VERMILION, r"$2\bar{\Omega}_j/n$"),
     "sum": ("^", style.BLUE, r"$(\bar{\Omega}_j+\bar{\Omega}_k)/n$"),
@@ -27,14 +31,13 @@ RESONANCE_MARKS = {
 
 @style.in_style
 def draw_campbell(case: CaseView, criticals: Table) -> Figure:
-    """Frequencies coloured by damping, the synchronous line, critical speeds, mode shapes, predicted resonances."""
+    """Frequencies coloured by damping with the critical speeds, their mode shapes, predicted resonances."""
     shapes = min(SHAPES, len(criticals["critical_speed"]))
     resonances = len(criticals["resonance_frequency"]) if "resonance_frequency" in criticals else 0
     ratios = [3.4] + ([1.25] if shapes else []) + ([1.1] if resonances else [])
     figure = style.new_figure(1.1 + 1.35 * sum(ratios))
-    rows = figure.subfigures(len(ratios), 1, height_ratios=ratios)
-    panels = list(np.atleast_1d(rows))
-    _draw_frequencies(panels[0].subplots(), case, criticals)
+    panels = figure.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
+    style.legend_below(panels[0], _draw_frequencies(panels[0].subplots(), case, criticals))
     if shapes:
         _draw_shapes(np.atleast_1d(panels[1].subplots(1, shapes, sharey=True)), case, criticals)
     if resonances:
@@ -42,7 +45,8 @@ def draw_campbell(case: CaseView, criticals: Table) -> Figure:
     return style.finish(figure, f"{case.name}: Campbell diagram", case.note)
 
 
-def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> None:
+def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> list[Line2D]:
+    """Frequencies over the speed; gives the entries of the legend."""
     speed, frequency = criticals["speed"], criticals["frequency"]
     damping, direction = criticals["damping_ratio"], criticals["direction"]
     norm = Normalize(0.0, LARGEST_DAMPING)
@@ -68,7 +72,7 @@ def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> None:
     handles = [Line2D([], [], color="#333333", linestyle=LINES[name], label=name) for name in LINES]
     handles.append(Line2D([], [], color="#666666", linewidth=0.8, linestyle="-.", label="synchronous"))
     handles.append(_critical_handle())
-    axes.legend(handles=handles, loc="upper left", frameon=True, framealpha=0.9, edgecolor="none")
+    return handles
 
 
 def _critical_handle() -> Line2D:
@@ -101,50 +105,53 @@ def _mark_criticals(axes: Axes, criticals: Table) -> None:
             str(number),
             (speed, speed),
             textcoords="offset points",
-            xytext=(6, -9),
+            xytext=(6, -9) if number % 2 else (-10, 5),
             fontsize=7.5,
             color=style.VERMILION,
         )
 
 
 def _draw_shapes(panels: NDArray[np.object_], case: CaseView, criticals: Table) -> None:
+    """Mode shapes in oblique projection: the orbit of every node, and the bent axis at one instant."""
     position = 1e3 * case.machine["node_position"]
-    bearings = position[case.machine["bearing_node"]]
+    bearings = case.machine["bearing_node"]
+    depth = OBLIQUE * float(position[-1] - position[0])
+    turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 49))
     for number, axes in enumerate(panels):
-        shape = instant_of_largest_deflection(criticals["critical_mode_shape"][number])
-        axes.axhline(0.0, color="#999999", linewidth=0.7)
-        axes.plot(position, shape[:, 1], "-", color=style.BLUE, marker=".", markersize=3, label="vertical")
+        shape = largest_deflection(criticals["critical_mode_shape"][number])
+        direction = str(criticals["critical_direction"][number])
+        colour = DIRECTION_COLOURS.get(direction, style.GREY)
+        axes.plot(position, np.zeros_like(position), color="#999999", linewidth=0.7)
+        orbits = np.real(shape[:, :, None] * turn)
+        for place, orbit in zip(position, orbits, strict=True):
+            axes.plot(place + depth * orbit[0], orbit[1], color=colour, linewidth=0.5, alpha=0.6)
         axes.plot(
-            position, shape[:, 0], "--", color=style.VERMILION, marker=".", markersize=3, label="horizontal"
+            position + depth * orbits[:, 0, 0], orbits[:, 1, 0], color=colour, marker=".", markersize=3.5
         )
-        axes.plot(
-            bearings, np.zeros_like(bearings), linestyle="none", marker=6, color="#333333", label="bearing"
-        )
+        axes.plot(position[bearings], np.zeros(len(bearings)), linestyle="none", marker=6, color="#333333")
         speed = float(criticals["critical_speed"][number])
         damping = float(criticals["critical_damping_ratio"][number])
-        direction = criticals["critical_direction"][number]
         axes.set_title(
             rf"{number + 1}: $\bar{{\Omega}}$ = {speed:.3f} ({case.scales.rpm * speed:.0f} rpm)"
             f"\n{direction}, damping {damping:.3f}",
             fontsize=7.5,
         )
         axes.set_ylim(-1.15, 1.15)
+        axes.set_yticks((-1.0, 0.0, 1.0))
         axes.xaxis.set_major_locator(MaxNLocator(4))
         axes.set_xlabel("along the rotor [mm]")
-    panels[0].set_ylabel("deflection [–]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    panels[0].figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    panels[0].set_ylabel("mode shape [–]")
 
 
-def instant_of_largest_deflection(shape: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Real displacements (node, 2) of a complex mode shape when it is farthest from the axis, largest one 1.
+def largest_deflection(shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """A complex mode shape (node, 2) turned so that its real part is farthest out, largest radius 1.
 
     Re(u e^{-i a}) has its largest norm for a = arg(sum u^2) / 2.
     """
     phase = 0.5 * np.angle(np.sum(shape**2))
-    real = np.real(shape * np.exp(-1j * phase))
-    largest = np.max(np.hypot(real[:, 0], real[:, 1]))
-    return np.asarray(real / largest if largest > 0.0 else real)
+    turned = shape * np.exp(-1j * phase)
+    largest = float(np.max(np.linalg.norm(turned, axis=1)))
+    return turned / largest if largest > 0.0 else turned
 
 
 def _draw_resonances(axes: Axes, case: CaseView, criticals: Table) -> None:

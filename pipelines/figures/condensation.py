@@ -1,14 +1,25 @@
-"""How far the condensed rotor follows the full one: frequencies, decrements, mode shapes, unbalance response."""
+"""How far the condensed rotor follows the full one: frequencies, damping, shapes, unbalance response."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import add_parameter_axis, limits
+from pipelines.figures.axes import add_parameter_axis, add_right, limits
 from pipelines.figures.contents import CaseView, Table
+
+FloatArray = NDArray[np.float64]
+
+LEAST_PRINTED = 0.05  # smaller values of the criterion are left to the colour
+FULL_LINE: dict[str, Any] = {"linewidth": 2.6, "alpha": 0.4}
+CONDENSED_LINE: dict[str, Any] = {"linewidth": 1.0, "linestyle": (0, (4, 1.5))}
 
 
 @style.in_style
@@ -31,17 +42,19 @@ def draw_condensation(case: CaseView, criticals: Table) -> Figure:
         deviation=False,
     )
     _draw_assurance(figure.add_subplot(grid[0, 1]), criticals)
-    _draw_unbalance(figure.add_subplot(grid[1, 1]), case, criticals)
+    handles = _draw_unbalance(figure.add_subplot(grid[1, 1]), case, criticals)
+    bars = [Patch(color=style.BLUE, label="full"), Patch(color=style.ORANGE, label="condensed")]
+    style.legend_below(figure, [*bars, *handles], 8)
     return style.finish(figure, f"{case.name}: full and condensed rotor", case.note)
 
 
-def _draw_bars(axes: Axes, full: np.ndarray, condensed: np.ndarray, label: str, deviation: bool) -> None:
+def _draw_bars(axes: Axes, full: FloatArray, condensed: FloatArray, label: str, deviation: bool) -> None:
     """Both rotors side by side, mode by mode; the relative deviation above the bars where it is asked for."""
     modes = np.arange(1, len(full) + 1)
     axes.bar(modes - 0.2, full, 0.38, color=style.BLUE, label="full")
     axes.bar(modes + 0.2, condensed, 0.38, color=style.ORANGE, label="condensed")
     if deviation:
-        for mode, exact, approximate in zip(modes, full, condensed, strict=True):
+        for mode, exact, approximate in zip(modes.tolist(), full, condensed, strict=True):
             if np.isfinite(exact) and np.isfinite(approximate) and exact != 0.0:
                 percent = 100.0 * (approximate / exact - 1.0)
                 axes.text(
@@ -51,18 +64,17 @@ def _draw_bars(axes: Axes, full: np.ndarray, condensed: np.ndarray, label: str, 
     axes.grid(False, axis="x")
     axes.set_xticks(modes)
     axes.set(xlabel="mode", ylabel=label)
-    axes.margins(y=0.16)
-    axes.legend(loc="best")
+    axes.margins(y=0.24)
 
 
 def _draw_assurance(axes: Axes, criticals: Table) -> None:
-    """Modal assurance criterion: one on the diagonal where the condensed modes are those of the full rotor."""
+    """Modal assurance criterion: one on the diagonal where both rotors have the same modes."""
     assurance = criticals["mac"]
     image = axes.imshow(assurance, vmin=0.0, vmax=1.0, cmap="Blues", origin="lower")
     axes.grid(False)
     for row, column in np.ndindex(*assurance.shape):
         value = float(assurance[row, column])
-        if np.isfinite(value):
+        if np.isfinite(value) and value >= LEAST_PRINTED:
             axes.text(
                 column,
                 row,
@@ -72,25 +84,31 @@ def _draw_assurance(axes: Axes, criticals: Table) -> None:
                 fontsize=6,
                 color="white" if value > 0.6 else "#333333",
             )
-    for ticks, axis, modes in zip(
-        (axes.set_xticks, axes.set_yticks), "xy", assurance.shape[::-1], strict=True
-    ):
-        ticks(np.arange(modes), [str(mode + 1) for mode in range(modes)])
-        axes.tick_params(axis=axis, length=0)
+    rows, columns = assurance.shape
+    axes.set_xticks(np.arange(columns), [str(mode + 1) for mode in range(columns)])
+    axes.set_yticks(np.arange(rows), [str(mode + 1) for mode in range(rows)])
+    axes.tick_params(length=0)
     axes.set(xlabel="mode, condensed rotor", ylabel="mode, full rotor")
     axes.figure.colorbar(image, ax=axes, label="modal assurance criterion [–]", pad=0.02)
 
 
-def _draw_unbalance(axes: Axes, case: CaseView, criticals: Table) -> None:
-    """Amplitudes of the first and last shown stations against the speed, both rotors."""
-    speed = criticals["unbalance_speed"]
-    full, condensed = (np.abs(criticals[f"unbalance_{rotor}"]) for rotor in ("full", "condensed"))
-    full, condensed = full.reshape(len(speed), -1), condensed.reshape(len(speed), -1)
-    for column in range(full.shape[1]):
-        colour = style.CYCLE[column % len(style.CYCLE)]
-        axes.plot(speed, full[:, column], color=colour, linewidth=2.6, alpha=0.4)
-        axes.plot(speed, condensed[:, column], color=colour, linewidth=1.0, linestyle=(0, (4, 1.5)))
+def _draw_unbalance(axes: Axes, case: CaseView, criticals: Table) -> list[Line2D]:
+    """Amplitude at every response node over the speed, both rotors; gives the entries of the legend."""
+    speed, nodes = criticals["unbalance_speed"], criticals["response_node"]
+    for column in range(len(nodes)):
+        colour = style.CYCLE[(column + 2) % len(style.CYCLE)]
+        axes.plot(speed, criticals["unbalance_full"][:, column], color=colour, **FULL_LINE)
+        axes.plot(speed, criticals["unbalance_condensed"][:, column], color=colour, **CONDENSED_LINE)
     axes.set_yscale("log")
     axes.set_xlim(*limits(speed, 0.0))
     axes.set_ylabel("unbalance response [–]")
     add_parameter_axis(axes, "speed", case.scales)
+    add_right(axes, case.scales.micrometres, "unbalance response [µm]")
+    return [
+        *(
+            Line2D([], [], color=style.CYCLE[(i + 2) % len(style.CYCLE)], label=f"node {n}")
+            for i, n in enumerate(nodes)
+        ),
+        Line2D([], [], color="#555555", label="full", **FULL_LINE),
+        Line2D([], [], color="#555555", label="condensed", **CONDENSED_LINE),
+    ]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipelines.figures.axes import Scales
 
 
-class MissingData(Exception):
+class MissingDataError(Exception):
     """A figure cannot be drawn because the store does not hold what it shows."""
 
 
@@ -24,9 +24,9 @@ class Table:
     attributes: Mapping[str, Any] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """The array of this name; raises MissingData where the group has none."""
+        """The array of this name; raises MissingDataError where the group has none."""
         if name not in self.arrays:
-            raise MissingData(f"the array {name!r} is not in the store")
+            raise MissingDataError(f"the array {name!r} is not in the store")
         return self.arrays[name]
 
     def __contains__(self, name: str) -> bool:
@@ -49,6 +49,7 @@ class CaseView:
 
     @property
     def bearings(self) -> int:
+        """How many bearings the machine has."""
         return len(self.machine["bearing_node"])
 
     def journal_coordinates(self, bearing: int) -> tuple[int, int]:

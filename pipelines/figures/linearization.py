@@ -1,6 +1,8 @@
-"""Equilibria along the speed: eigenvalues, instability speed, bearing coefficients and the static journal locus."""
+"""Equilibria along the speed: eigenvalues, instability, bearing coefficients, static journal locus."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,16 +10,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipelines.figures import style
-from pipelines.figures.axes import add_parameter_axis, clearance_circle, limits
+from pipelines.figures.axes import add_parameter_axis, add_right, clearance_circle, limits
 from pipelines.figures.contents import CaseView, Table
 
 COEFFICIENTS = (("xx", 0, 0), ("xy", 0, 1), ("yx", 1, 0), ("yy", 1, 1))
-RATIO_LINES = ("-", (0, (4, 1.5)), ":", "-.")
+RATIO_LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)), ":", "-.")
 
 
 @style.in_style
 def draw_linearization(case: CaseView, linear: Table) -> Figure:
-    """Growth and frequency of the leading eigenvalues, journal locus, stiffness and damping, all along the speed."""
+    """Growth and frequency of the leading eigenvalues, journal locus, bearing coefficients."""
     figure = style.new_figure(7.6)
     panels = figure.subplots(3, 2)
     _draw_eigenvalues(panels[0, 0], panels[0, 1], linear)
@@ -30,11 +32,13 @@ def draw_linearization(case: CaseView, linear: Table) -> Figure:
     for axes in (panels[1, 1], panels[2, 0], panels[2, 1]):
         add_parameter_axis(axes, "speed", case.scales, top=False)
     _mark_instability([panels[0, 0], panels[0, 1], panels[1, 1], panels[2, 0], panels[2, 1]], linear)
-    figure.legend(handles=_legend(linear), loc="outside lower center", ncols=4)
-    instability = linear.attribute("instability_speed")
+    style.legend_below(figure, _legend(case, linear))
+    instability = instability_speed(linear)
     title = f"{case.name}: equilibria along the rotating speed"
     if np.isfinite(instability):
-        title += rf", unstable above $\bar{{\Omega}}$ = {instability:.4f} ({case.scales.rpm * instability:.0f} rpm)"
+        title += (
+            rf", unstable at $\bar{{\Omega}}$ = {instability:.4f} ({case.scales.rpm * instability:.0f} rpm)"
+        )
     return style.finish(figure, title, case.note)
 
 
@@ -62,55 +66,45 @@ def _draw_eigenvalues(growth: Axes, frequency: Axes, linear: Table) -> None:
     )
 
 
+def instability_speed(linear: Table) -> float:
+    """The lowest located instability speed, NaN where none was found."""
+    speeds = linear.arrays.get("instability_speed", np.zeros(0))
+    return float(np.nanmin(speeds)) if np.isfinite(speeds).any() else float("nan")
+
+
 def _draw_locus(axes: Axes, case: CaseView, linear: Table) -> None:
     clearance_circle(axes)
     journal = linear["journal"]
     for bearing in range(case.bearings):
-        width, alpha = ((3.0, 0.4), (1.1, 1.0))[bearing % 2]
-        colour = style.BEARING_COLOURS[bearing % 2]
-        axes.plot(
-            journal[:, bearing, 0],
-            journal[:, bearing, 1],
-            color=colour,
-            linewidth=width,
-            alpha=alpha,
-            label=f"bearing {bearing + 1}",
-        )
-    for row, where in ((0, "lowest"), (len(journal) - 1, "highest")):
-        marker = "o" if row == 0 else "s"
-        axes.plot(
-            journal[row, :, 0],
-            journal[row, :, 1],
-            marker,
-            color="#333333",
-            markersize=3.5,
-            linestyle="none",
-            label=f"{where} speed",
+        axes.plot(journal[:, bearing, 0], journal[:, bearing, 1], **style.bearing_look(bearing))
+    for row, side, gap in ((0, "right", -5), (len(journal) - 1, "left", 5)):
+        axes.plot(journal[row, :, 0], journal[row, :, 1], ".", color="#333333", markersize=4)
+        axes.annotate(
+            rf"$\bar{{\Omega}}$ = {float(linear['speed'][row]):.3g}",
+            journal[row, 0],
+            textcoords="offset points",
+            xytext=(gap, 0),
+            ha=side,
+            va="center",
+            fontsize=7,
         )
     axes.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08), xlabel=r"$\bar{x}_j$ [–]", ylabel=r"$\bar{y}_j$ [–]")
-    axes.set_title("static journal locus")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axes.set_title("static journal locus, clearance dashed")
 
 
 def _draw_minimum_film(axes: Axes, case: CaseView, linear: Table) -> None:
     for bearing in range(case.bearings):
-        width, alpha = ((3.0, 0.4), (1.1, 1.0))[bearing % 2]
-        axes.plot(
-            linear["speed"],
-            linear["minimum_film"][:, bearing],
-            color=style.BEARING_COLOURS[bearing % 2],
-            linewidth=width,
-            alpha=alpha,
-        )
+        axes.plot(linear["speed"], linear["minimum_film"][:, bearing], **style.bearing_look(bearing))
     axes.set_ylabel(r"minimum film $\bar{h}$ [–]")
     axes.set_ylim(0.0, limits(linear["minimum_film"], 0.1)[1])
     axes.set_xlim(*limits(linear["speed"], 0.03))
+    add_right(axes, case.scales.micrometres, "[µm]")
 
 
 def _draw_coefficients(axes: Axes, linear: Table, array: str, title: str, letter: str) -> None:
     """Coefficients of the first bearing, one colour each, one dash per whirl ratio."""
     values = linear[array][:, :, 0]
-    for number, (name, row, column) in enumerate(COEFFICIENTS):
+    for number, (_, row, column) in enumerate(COEFFICIENTS):
         for ratio in range(values.shape[1]):
             axes.plot(
                 linear["speed"],
@@ -125,19 +119,22 @@ def _draw_coefficients(axes: Axes, linear: Table, array: str, title: str, letter
 
 
 def _mark_instability(panels: list[Axes], linear: Table) -> None:
-    speed = linear.attribute("instability_speed")
+    speed = instability_speed(linear)
     if np.isfinite(speed):
         for axes in panels:
             axes.axvline(speed, color=style.VERMILION, linewidth=1.0, linestyle=":")
 
 
-def _legend(linear: Table) -> list[Line2D]:
+def _legend(case: CaseView, linear: Table) -> list[Line2D]:
     handles = [
         Line2D([], [], color=style.CYCLE[i], label=name) for i, (name, _, _) in enumerate(COEFFICIENTS)
+    ]
+    handles += [
+        Line2D([], [], label=f"bearing {b + 1}", **style.bearing_look(b)) for b in range(case.bearings)
     ]
     for number, ratio in enumerate(linear["whirl_ratio"]):
         line = RATIO_LINES[number % len(RATIO_LINES)]
         handles.append(Line2D([], [], color="#333333", linestyle=line, label=f"whirl ratio {float(ratio):g}"))
-    if np.isfinite(linear.attribute("instability_speed")):
+    if np.isfinite(instability_speed(linear)):
         handles.append(Line2D([], [], color=style.VERMILION, linestyle=":", label="instability speed"))
     return handles

@@ -42,14 +42,14 @@ def draw_machine(case: CaseView) -> Figure:
     axes.set_aspect("equal")
     axes.set(xlabel="along the rotor [mm]", ylabel="radius [mm]")
     axes.set_yticks([-reach, 0.0, reach], [f"{reach:.3g}", "0", f"{reach:.3g}"])
-    figure.legend(handles=_legend(machine), loc="outside lower center", ncols=4)
+    style.legend_below(figure, _legend(machine), 6)
     return style.finish(figure, f"{case.name}: rotor and bearings to scale", case.note)
 
 
 def _reach(machine: Table) -> float:
     """Largest radius of anything drawn [mm]."""
     bearings = (1.0 + HOUSING) * machine["bearing_radius"]
-    diameters = [machine["element_outer"], machine["disc_diameter_equivalent"]]
+    diameters = [machine["element_outer_diameter"], machine["disc_equivalent_diameter"]]
     return MILLIMETRES * max(float(np.max(bearings)), *(0.5 * float(np.max(d)) for d in diameters if len(d)))
 
 
@@ -59,8 +59,8 @@ def _draw_elements(axes: Axes, machine: Table, position: NDArray[np.float64]) ->
         zip(position[:-1], MILLIMETRES * machine["element_length"], strict=True)
     ):
         colour = MATERIAL_COLOURS[names.index(machine["element_material"][element]) % len(MATERIAL_COLOURS)]
-        outer = 0.5 * MILLIMETRES * float(machine["element_outer"][element])
-        inner = 0.5 * MILLIMETRES * float(machine["element_inner"][element])
+        outer = 0.5 * MILLIMETRES * float(machine["element_outer_diameter"][element])
+        inner = 0.5 * MILLIMETRES * float(machine["element_inner_diameter"][element])
         _box(axes, start, length, -outer, outer, colour, zorder=2)
         if inner > 0.0:
             _box(axes, start, length, -inner, inner, "white", zorder=2.5)
@@ -68,7 +68,7 @@ def _draw_elements(axes: Axes, machine: Table, position: NDArray[np.float64]) ->
 
 def _draw_discs(axes: Axes, machine: Table, position: NDArray[np.float64]) -> None:
     width = LEAST_DISC_WIDTH * float(position[-1] - position[0])
-    for node, diameter in zip(machine["disc_node"], machine["disc_diameter_equivalent"], strict=True):
+    for node, diameter in zip(machine["disc_node"], machine["disc_equivalent_diameter"], strict=True):
         radius = 0.5 * MILLIMETRES * float(diameter)
         _box(axes, position[node] - 0.5 * width, width, -radius, radius, DISC_COLOUR, zorder=3)
 
@@ -80,6 +80,13 @@ def _draw_bearing(axes: Axes, machine: Table, bearing: int) -> None:
     radius = MILLIMETRES * float(machine["bearing_radius"][bearing])
     for low, high in ((radius, (1.0 + HOUSING) * radius), (-(1.0 + HOUSING) * radius, -radius)):
         _box(axes, centre - 0.5 * length, length, low, high, BEARING_COLOUR, zorder=1, hatch="/////")
+    for sign in (
+        -1.0,
+        1.0,
+    ):  # the journal surface: the model has its radius, but no shaft element of that size
+        axes.plot(
+            [centre - 0.5 * length, centre + 0.5 * length], [sign * radius] * 2, color=style.BLUE, zorder=3
+        )
     axes.text(centre, (1.0 + HOUSING) * radius, f"B{bearing + 1}", ha="center", va="bottom", fontsize=7.5)
 
 
@@ -180,6 +187,7 @@ def _legend(machine: Table) -> list[Line2D | Patch]:
             label="gas foil bearing",
         )
     )
+    handles.append(Line2D([], [], color=style.BLUE, label="journal surface"))
     for label, face in (("master node", style.VERMILION), ("slave node", "white")):
         handles.append(
             Line2D(

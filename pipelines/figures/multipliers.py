@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from pipelines.figures import style
@@ -15,136 +16,117 @@ from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, limits
 from pipelines.figures.bifurcation_diagram import EVENT_MARKS, event_handle, event_names
 from pipelines.figures.contents import CaseView, Table
 
-CLOSE_UP = 0.16  # half width of the window near the unit circle
 LARGEST_SHOWN = 1.6  # multipliers beyond this would shrink the unit circle to a dot
+CLOSE_UP = (0.75, 1.1)  # moduli shown near the circle, at least
+ANGLES = {0: "0", 60: "60", 90: "90\nR4", 120: "120\nR3", 180: "180"}  # strong resonances are named
+
+KINDS = (
+    ("complex pair", style.BLUE, "o"),
+    ("real, positive", style.GREEN, "^"),
+    ("real, negative", style.ORANGE, "v"),
+)
 
 
 @style.in_style
 def draw_multipliers(case: CaseView, parameter: str, branch: Table, name: str) -> Figure:
-    """Multipliers in the complex plane, near the circle, and their moduli against the continued parameter."""
+    """Multipliers in the complex plane, near the circle unrolled, and their moduli against the parameter."""
     multipliers = np.asarray(branch["multipliers"])
     along = np.asarray(branch[parameter], dtype=float)
-    norm = Normalize(float(along.min()), float(along.max()) if len(along) > 1 else float(along.min()) + 1e-6)
+    norm = Normalize(*limits(along, 0.0))
     figure = style.new_figure(6.6)
-    grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.2, 1.0), width_ratios=(1.0, 1.15))
     whole, close = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     moduli = figure.add_subplot(grid[1, :])
-
-    points = _draw_plane(whole, multipliers, along, norm)
-    reach = min(LARGEST_SHOWN, 1.15 * max(1.0, float(np.nanmax(np.abs(multipliers)))))
-    whole.set(xlim=(-reach, reach), ylim=(-reach, reach), title="all multipliers")
-    centre = window_centre(branch, multipliers)
-    _draw_plane(close, multipliers, along, norm)
-    _mark_events(close, branch)
-    close.set(
-        xlim=(centre.real - CLOSE_UP, centre.real + CLOSE_UP),
-        ylim=(centre.imag - CLOSE_UP, centre.imag + CLOSE_UP),
-        title="near the unit circle",
-    )
-    whole.add_patch(
-        Rectangle(
-            (centre.real - CLOSE_UP, centre.imag - CLOSE_UP),
-            2 * CLOSE_UP,
-            2 * CLOSE_UP,
-            fill=False,
-            edgecolor=style.VERMILION,
-            linewidth=0.9,
-        )
-    )
-    bar = figure.colorbar(points, ax=[whole, close], pad=0.02, aspect=25)
-    bar.set_label(PARAMETER_AXES[parameter].label)
+    _draw_plane(whole, multipliers, along, norm)
+    points = _draw_unrolled(close, multipliers, along, norm, branch)
+    figure.colorbar(points, ax=close, pad=0.03, aspect=25).set_label(PARAMETER_AXES[parameter].label)
     _draw_moduli(moduli, multipliers, along, branch, parameter)
     add_parameter_axis(moduli, parameter, case.scales)
-    kinds = set(event_names(branch))
-    handles = [event_handle(mark) for kind, mark in EVENT_MARKS.items() if kind in kinds]
-    if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    present = set(event_names(branch))
+    handles = [event_handle(mark) for kind, mark in EVENT_MARKS.items() if kind in present]
+    handles += [
+        Line2D([], [], color=colour, marker=marker, markersize=3.5, linestyle="none", label=label)
+        for label, colour, marker in KINDS
+    ]
+    style.legend_below(figure, handles, 4)
     return style.finish(figure, f"{case.name}: Floquet multipliers of branch {name}", case.note)
 
 
-def window_centre(branch: Table, multipliers: NDArray[np.complex128]) -> complex:
-    """Where to look closely: a crossing if one was located, else the multiplier which came nearest to the circle.
-
-    Of a complex pair the upper one.
-    """
-    if "event_multipliers" in branch and len(branch["event_multipliers"]):
-        candidates = np.asarray(branch["event_multipliers"][0])
-    else:
-        candidates = multipliers[np.unravel_index(np.nanargmax(np.abs(multipliers)), multipliers.shape)[0]]
-    candidates = candidates[np.isfinite(candidates)]
-    nearest = complex(candidates[np.argmin(np.abs(np.abs(candidates) - 1.0))])
-    return complex(nearest.real, abs(nearest.imag))
+def _scatter(
+    axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64], norm: Normalize
+) -> PathCollection:
+    return axes.scatter(x, y, c=values, cmap=style.PARAMETER_MAP, norm=norm, s=9, linewidths=0, zorder=3)
 
 
 def _draw_plane(
     axes: Axes, multipliers: NDArray[np.complex128], along: NDArray[np.float64], norm: Normalize
-) -> PathCollection:
+) -> None:
     axes.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor="#333333", linewidth=0.9))
-    axes.axhline(0.0, color="#BBBBBB", linewidth=0.5, zorder=0)
-    axes.axvline(0.0, color="#BBBBBB", linewidth=0.5, zorder=0)
-    rows, _ = np.nonzero(np.isfinite(multipliers))
-    known = multipliers[np.isfinite(multipliers)]
-    points = axes.scatter(
-        known.real,
-        known.imag,
-        c=along[rows],
-        cmap=style.PARAMETER_MAP,
-        norm=norm,
-        s=9,
-        linewidths=0,
-        zorder=3,
+    known = np.isfinite(multipliers)
+    rows = np.nonzero(known)[0]
+    _scatter(axes, multipliers[known].real, multipliers[known].imag, along[rows], norm)
+    largest = float(np.max(np.abs(multipliers[known]), initial=1.0))
+    reach = 1.15 * min(LARGEST_SHOWN, largest)
+    axes.set(
+        xlabel=r"Re $\mu$", ylabel=r"Im $\mu$", aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach)
     )
-    axes.set(xlabel=r"Re $\mu$", ylabel=r"Im $\mu$", aspect="equal")
+    axes.set_title("complex plane")
+
+
+def _draw_unrolled(
+    axes: Axes,
+    multipliers: NDArray[np.complex128],
+    along: NDArray[np.float64],
+    norm: Normalize,
+    branch: Table,
+) -> PathCollection:
+    """The neighbourhood of the upper half circle, cut open: angle against modulus."""
+    known = np.isfinite(multipliers) & (multipliers.imag >= 0.0)
+    modulus, angle = np.abs(multipliers[known]), np.degrees(np.angle(multipliers[known]))
+    points = _scatter(axes, angle, modulus, along[np.nonzero(known)[0]], norm)
+    axes.axhline(1.0, color="#333333", linewidth=0.9)
+    for row, kind in enumerate(event_names(branch)):
+        if kind == "neutral_saddle":  # its multipliers are not on the circle
+            continue
+        mark = EVENT_MARKS[kind]
+        axes.plot(
+            abs(np.degrees(branch["event_angle"][row])),
+            1.0,
+            marker=mark.marker,
+            markersize=9,
+            markerfacecolor="none",
+            markeredgecolor=mark.colour,
+            markeredgewidth=1.4,
+            zorder=4,
+        )
+    top = min(LARGEST_SHOWN, max(CLOSE_UP[1], 1.02 * float(np.max(modulus, initial=1.0))))
+    axes.set(xlim=(-6.0, 186.0), ylim=(CLOSE_UP[0], top), title="near the unit circle, cut open")
+    axes.set_xticks(list(ANGLES), list(ANGLES.values()))
+    axes.set(xlabel=r"arg $\mu$ [°]", ylabel=r"$|\mu|$")
     return points
 
 
-def _mark_events(axes: Axes, branch: Table) -> None:
-    for row, kind in enumerate(event_names(branch)):
-        mark = EVENT_MARKS[kind]
-        multipliers = np.asarray(branch["event_multipliers"][row])
-        multipliers = multipliers[np.isfinite(multipliers)]
-        critical = multipliers[np.argmin(np.abs(np.abs(multipliers) - 1.0))]
-        for value in {complex(critical), complex(critical.conjugate())}:
-            axes.plot(
-                value.real,
-                value.imag,
-                marker=mark.marker,
-                markersize=9,
-                markerfacecolor="none",
-                markeredgecolor=mark.colour,
-                markeredgewidth=1.4,
-                linestyle="none",
-                zorder=4,
-            )
-
-
 def _draw_moduli(
-    axes: Axes, multipliers: NDArray[np.complex128], along: NDArray[np.float64], branch: Table, parameter: str
+    axes: Axes,
+    multipliers: NDArray[np.complex128],
+    along: NDArray[np.float64],
+    branch: Table,
+    parameter: str,
 ) -> None:
     moduli = np.abs(multipliers)
     oscillating = np.abs(multipliers.imag) > 1e-9 * moduli
-    along_all = np.broadcast_to(along[:, None], moduli.shape)
-    for chosen, colour, label in (
-        (oscillating, style.BLUE, "complex pairs"),
-        (~oscillating & (multipliers.real > 0), style.GREEN, "real positive"),
-        (~oscillating & (multipliers.real < 0), style.ORANGE, "real negative"),
-    ):
-        axes.plot(along_all[chosen], moduli[chosen], ".", color=colour, markersize=3.0, label=label)
+    parameters = np.broadcast_to(along[:, None], moduli.shape)
+    groups = (oscillating, ~oscillating & (multipliers.real > 0.0), ~oscillating & (multipliers.real < 0.0))
+    for chosen, (_, colour, marker) in zip(groups, KINDS, strict=True):
+        axes.plot(
+            parameters[chosen], moduli[chosen], marker, color=colour, markersize=2.4, markeredgewidth=0.0
+        )
     axes.axhline(1.0, color="#333333", linewidth=0.9)
     for row, kind in enumerate(event_names(branch)):
         mark = EVENT_MARKS[kind]
         value = float(branch[f"event_{parameter}"][row])
         axes.axvline(value, color=mark.colour, linewidth=1.0, linestyle=":")
-        axes.plot(
-            value,
-            1.0,
-            marker=mark.marker,
-            markersize=5.5,
-            color=mark.colour,
-            markeredgecolor="white",
-            zorder=5,
-        )
-    top = min(LARGEST_SHOWN, max(1.15, 1.05 * float(np.nanmax(moduli))))
+        axes.plot(value, 1.0, marker=mark.marker, markersize=5.5, color=mark.colour, markeredgecolor="white")
+    top = min(LARGEST_SHOWN, max(1.15, 1.05 * float(np.nanmax(moduli, initial=1.0))))
     axes.set(ylabel=r"$|\mu|$", ylim=(0.0, top))
     axes.set_xlim(*limits(along, 0.03))
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), title="multipliers")

@@ -1,10 +1,13 @@
-"""What happens in the bearings during one cycle: orbits, minimum film, and pressure, foil and film around them."""
+"""One cycle inside the bearings: orbits and minimum film; pressure, foil and film around the journal."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pipelines.figures import style
@@ -31,52 +34,70 @@ def last_stable_point(branch: Table) -> int:
 
 @style.in_style
 def draw_orbits(case: CaseView, parameter: str, branch: Table, name: str) -> Figure:
-    """Journal orbits inside the clearance circle, and the minimum film thickness over one period."""
-    figure = style.new_figure(6.2)
-    bearings = case.bearings
-    panels = figure.subplots(2, bearings, squeeze=False, height_ratios=(1.5, 1.0))
-    symbol = PARAMETER_AXES[parameter].symbol
-    for bearing in range(bearings):
-        above, below = panels[0, bearing], panels[1, bearing]
-        clearance_circle(above)
-        for number, point in enumerate(representative_points(branch)):
-            stable = bool(stable_points(branch)[point])
-            label = f"{symbol} = {float(branch[parameter][point]):.4g}" + ("" if stable else ", unstable")
-            look = {
-                "color": style.CYCLE[number],
-                "linestyle": "-" if stable else (0, (3.5, 1.8)),
-                "label": label,
-            }
-            _draw_cycle(above, below, case, branch, int(point), bearing, look)
-        above.set(title=f"bearing {bearing + 1}", xlabel=r"$\bar{x}_j$ [–]", ylabel=r"$\bar{y}_j$ [–]")
-        above.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08))
-        below.set(
-            xlabel="phase of the excitation [periods]", ylabel=r"minimum film $\bar{h}$ [–]", xlim=(0.0, 1.0)
-        )
-        below.set_xticks(PHASE_TICKS)
-        below.set_ylim(0.0, limits(branch["minimum_film_trace"][representative_points(branch)], 0.12)[1])
-        add_right(below, case.scales.micrometres, "minimum film [µm]")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
-    title = f"{case.name}: orbits of the journals, branch {name} (nominal clearance dashed)"
-    return style.finish(figure, title, case.note)
+    """Journal orbits inside the clearance circle and magnified, and the minimum film over one period."""
+    figure = style.new_figure(0.9 + 2.35 * case.bearings)
+    panels = figure.subplots(case.bearings, 3, squeeze=False, width_ratios=(1.0, 1.0, 1.15))
+    for bearing, (whole, close, film) in enumerate(panels):
+        clearance_circle(whole)
+        for look, point in zip(_looks(branch, parameter), representative_points(branch), strict=True):
+            _draw_orbit((whole, close), case, branch, int(point), bearing, look)
+            _draw_minimum_film(film, branch, int(point), bearing, look)
+        whole.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08), ylabel=r"$\bar{y}_j$ [–]")
+        whole.set_title(f"bearing {bearing + 1}, clearance dashed")
+        whole.set_xticks((-1.0, -0.5, 0.0, 0.5, 1.0))
+        whole.set_yticks((-1.0, -0.5, 0.0, 0.5, 1.0))
+        close.set_title("magnified")
+        close.set_aspect("equal", adjustable="datalim")
+        close.margins(0.12)
+        film.set(title="minimum film thickness", xlim=(0.0, 1.0), ylabel=r"$\min\,\bar{h}$ [–]")
+        film.set_xticks(PHASE_TICKS)
+        film.set_ylim(0.0, limits(branch["minimum_film_trace"][representative_points(branch)], 0.12)[1])
+        add_right(film, case.scales.micrometres, "[µm]")
+    for axes, label in zip(
+        panels[-1], (r"$\bar{x}_j$ [–]", r"$\bar{x}_j$ [–]", r"$\tau/T$ [–]"), strict=True
+    ):
+        axes.set_xlabel(label)
+    handles = [Line2D([], [], **look) for look in _looks(branch, parameter)]
+    handles.append(
+        Line2D([], [], marker="o", markersize=3, color="#333333", linestyle="none", label=r"$\tau=0$")
+    )
+    style.legend_below(figure, handles)
+    return style.finish(figure, f"{case.name}: orbits of the journals, branch {name}", case.note)
 
 
-def _draw_cycle(
-    above: Axes, below: Axes, case: CaseView, branch: Table, point: int, bearing: int, look: dict[str, object]
+def _looks(branch: Table, parameter: str) -> list[dict[str, Any]]:
+    """Colour, dash and label of every cycle that is drawn."""
+    symbol, stable = PARAMETER_AXES[parameter].symbol, stable_points(branch)
+    return [
+        {
+            "color": style.CYCLE[number],
+            "linestyle": "-" if stable[point] else (0, (3.5, 1.8)),
+            "label": f"{symbol} = {float(branch[parameter][point]):.4g}"
+            + ("" if stable[point] else ", unstable"),
+        }
+        for number, point in enumerate(representative_points(branch))
+    ]
+
+
+def _draw_orbit(
+    panels: tuple[Axes, ...], case: CaseView, branch: Table, point: int, bearing: int, look: dict[str, Any]
 ) -> None:
     x, y = case.journal_coordinates(bearing)
     orbit = branch["orbit"][point]
     closed = np.vstack([orbit, orbit[:1]])
-    above.plot(closed[:, x], closed[:, y], **look)  # type: ignore[arg-type]
-    above.plot(closed[0, x], closed[0, y], marker="o", markersize=3, color=look["color"])  # type: ignore[arg-type]
+    for axes in panels:
+        axes.plot(closed[:, x], closed[:, y], **look)
+        axes.plot(closed[0, x], closed[0, y], marker="o", markersize=3, color=look["color"])
+
+
+def _draw_minimum_film(axes: Axes, branch: Table, point: int, bearing: int, look: dict[str, Any]) -> None:
     film = branch["minimum_film_trace"][point][:, bearing]
-    below.plot(np.linspace(0.0, 1.0, len(film) + 1), np.append(film, film[0]), **look)  # type: ignore[arg-type]
+    axes.plot(np.linspace(0.0, 1.0, len(film) + 1), np.append(film, film[0]), **look)
 
 
 @style.in_style
 def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: int) -> Figure:
-    """Axial mean pressure, foil displacement and film thickness around each bearing, at instants of one cycle."""
+    """Axial mean pressure, foil displacement and film thickness around each bearing, at some instants."""
     figure = style.new_figure(6.4)
     panels = figure.subplots(3, case.bearings, squeeze=False, sharex=True, sharey="row")
     rows = (
@@ -97,7 +118,7 @@ def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: i
                     degrees,
                     branch[array][point, snapshot, bearing],
                     color=style.CYCLE[number],
-                    label=f"phase {snapshot / snapshots:.3g} of the period",
+                    label=rf"$\tau/T$ = {snapshot / snapshots:.3g}",
                 )
             axes.set_xticks(ANGLE_TICKS)
             axes.set_xlim(0.0, 360.0)
@@ -106,10 +127,9 @@ def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: i
     for bearing in range(case.bearings):
         panels[0, bearing].set_title(f"bearing {bearing + 1}")
         panels[-1, bearing].set_xlabel(r"angle $\theta$ [°]")
-        add_right(panels[-1, bearing], case.scales.micrometres, "film [µm]")
-        add_right(panels[1, bearing], case.scales.micrometres, "foil [µm]")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    add_right(panels[1, -1], case.scales.micrometres, "foil [µm]")
+    add_right(panels[2, -1], case.scales.micrometres, "film thickness [µm]")
+    style.legend_below(figure, panels[0, 0].get_legend_handles_labels()[0])
     symbol, value = PARAMETER_AXES[parameter].symbol, float(branch[parameter][point])
     state = "stable" if stable_points(branch)[point] else "unstable"
     title = f"{case.name}: film and foil of the {state} cycle at {symbol} = {value:.4g}, branch {name}"

@@ -1,13 +1,13 @@
 """One look for every figure, and files whose bytes depend on the drawing alone.
 
-Nothing here touches matplotlib's global state: figures are drawn and saved inside :func:`styled`, a context that
-restores the caller's settings, and are plain ``Figure`` objects that pyplot does not know.
+Nothing here touches matplotlib's global state: figures are drawn and saved inside :func:`styled`, a context
+that restores the caller's settings, and are plain ``Figure`` objects that pyplot does not know.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -15,8 +15,10 @@ from types import MappingProxyType
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
+from matplotlib.text import Annotation
 
 Arguments = ParamSpec("Arguments")
 
@@ -27,11 +29,13 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 YELLOW, BLUE, VERMILION, PURPLE, GREY = "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#7F7F7F"
 CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK, GREY)
 BEARING_COLOURS = (BLUE, VERMILION)
+# One bearing is drawn broad and pale, the other thin on top of it: of a symmetric machine both stay visible.
+BEARING_WIDTHS, BEARING_ALPHAS = (3.0, 1.1), (0.4, 1.0)
 PARAMETER_MAP = "viridis"
 
 DOUBLE_COLUMN = 7.2  # inches: the width of a journal page
 
-SETTINGS = MappingProxyType(
+SETTINGS: MappingProxyType[Any, Any] = MappingProxyType(
     {
         "font.family": "DejaVu Sans",  # shipped with matplotlib, so it is the same everywhere
         "font.size": 8.0,
@@ -82,7 +86,7 @@ def styled() -> Iterator[None]:
     """Settings of this project while the block runs, starting from matplotlib's own defaults."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update(SETTINGS)
+        mpl.rcParams.update(dict(SETTINGS))
         yield
 
 
@@ -106,10 +110,34 @@ def new_figure(height: float, width: float = DOUBLE_COLUMN) -> Figure:
 
 def finish(figure: Figure, title: str, note: str = "") -> Figure:
     """Give a figure its title and, where there is one, the note on what the machine is."""
-    figure.suptitle(title, fontsize=9.5, fontweight="bold")
+    heading = figure.suptitle(title + ("\n " if note else ""), fontsize=9.5, fontweight="bold")
     if note:
-        figure.supxlabel(note, fontsize=6.5, color="#555555", style="italic", x=0.01, ha="left")
+        figure.add_artist(
+            Annotation(
+                note,
+                (0.5, 0.0),
+                xycoords=heading,
+                ha="center",
+                va="bottom",
+                fontsize=7,
+                color="#444444",
+                fontstyle="italic",
+                in_layout=False,
+            )
+        )
     return figure
+
+
+def legend_below(figure: FigureBase, handles: Sequence[Artist], columns: int = 5) -> None:
+    """One legend for all panels, below them."""
+    if handles:
+        figure.legend(handles=list(handles), loc="outside lower center", ncols=min(columns, len(handles)))
+
+
+def bearing_look(bearing: int) -> dict[str, Any]:
+    """Line options of one bearing."""
+    kind = bearing % len(BEARING_COLOURS)
+    return {"color": BEARING_COLOURS[kind], "linewidth": BEARING_WIDTHS[kind], "alpha": BEARING_ALPHAS[kind]}
 
 
 def placeholder(title: str, message: str, note: str = "") -> Figure:

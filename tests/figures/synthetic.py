@@ -1,0 +1,219 @@
+"""Plausible numbers of a rotor on two foil bearings, in the layout of a store: invented, for drawing only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Arrays = dict[str, NDArray[Any]]
+
+MASTERS = np.array([0, 2, 4, 7, 10, 12, 14])
+SAMPLES, SNAPSHOTS, THETAS, STATES, MULTIPLIERS = 64, 8, 41, 40, 12
+
+
+def machine(hollow: bool = False) -> Arrays:
+    """A shaft of 14 elements with a disc at each end and bearings at nodes 2 and 12."""
+    length = np.full(14, 0.360 / 14)
+    material = np.array(["steel"] * 14, dtype="<U12")
+    inner = np.zeros(14)
+    if hollow:
+        material[5:9], inner[5:9] = "titanium", 0.008
+    return {
+        "node_position": np.concatenate([[0.0], np.cumsum(length)]),
+        "element_length": length,
+        "element_outer_diameter": np.full(14, 0.0176),
+        "element_inner_diameter": inner,
+        "element_material": material,
+        "disc_node": np.array([0, 14]),
+        "disc_mass": np.array([0.079, 0.079]),
+        "disc_equivalent_diameter": np.array([0.054, 0.054]),
+        "bearing_node": np.array([2, 12]),
+        "bearing_length": np.array([0.0161, 0.0161]),
+        "bearing_radius": np.array([0.014, 0.014]),
+        "master_node": MASTERS,
+        "support_node": np.array([7]) if hollow else np.zeros(0, dtype=int),
+    }
+
+
+def _locus(speed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Static journal centres (speed, 2): from the bottom of the clearance towards its middle."""
+    eccentricity = 0.75 / (1.0 + 1.1 * speed)
+    attitude = -np.pi / 2 + 0.9 * np.tanh(1.2 * speed)
+    return np.column_stack([eccentricity * np.cos(attitude), eccentricity * np.sin(attitude)])
+
+
+def linear(points: int = 41) -> Arrays:
+    """Equilibria over the speed with a Hopf point at 1.078."""
+    speed = np.linspace(0.2, 1.4, points)
+    journal = np.stack([_locus(speed), 0.97 * _locus(speed)], axis=1)
+    pairs = [(0.9 * (speed - 1.078), 0.46 * speed + 0.03), (-0.12 - 0.05 * speed, 0.44 * speed + 0.1),
+             (-0.25 + 0.05 * speed, 0.9 + 0.1 * speed), (-0.4 - 0.0 * speed, 1.7 + 0.05 * speed),
+             (-0.62 + 0.1 * speed, 2.3 - 0.1 * speed)]  # fmt: skip
+    eigenvalues = np.column_stack(
+        [v for real, imag in pairs for v in (0.1 * real + 1j * imag, 0.1 * real - 1j * imag)]
+    )
+    ratios = np.array([0.5, 1.0])
+    shape = (points, 2, 2)
+    stiffness, damping = np.zeros((*shape, 2, 2)), np.zeros((*shape, 2, 2))
+    for number, ratio in enumerate(ratios):
+        direct, cross = 1.2 + 0.8 * speed * ratio, 0.9 / (1 + speed) * ratio
+        for bearing in range(2):
+            stiffness[:, number, bearing] = np.moveaxis(
+                np.array([[direct, cross], [-1.1 * cross, 1.3 * direct]]), 2, 0
+            )
+            damping[:, number, bearing] = np.moveaxis(
+                np.array([[1.5 / speed**0.4, 0.2 * cross], [-0.2 * cross, 1.9 / speed**0.4]]), 2, 0
+            )
+    return {
+        "speed": speed,
+        "whirl_ratio": ratios,
+        "journal": journal,
+        "minimum_film": 0.95 - np.hypot(journal[..., 0], journal[..., 1]),
+        "eigenvalues": eigenvalues,
+        "instability_speed": np.array([1.078]),
+        "bearing_stiffness": stiffness,
+        "bearing_damping": damping,
+    }
+
+
+def criticals() -> Arrays:
+    """Six modes, four critical speeds, their shapes, resonances to order three, full against condensed rotor."""
+    speed = np.linspace(0.05, 1.4, 40)
+    start, slope = (
+        np.array([0.31, 0.33, 0.62, 0.68, 1.35, 1.38]),
+        np.array([0.02, 0.05, -0.05, 0.08, -0.16, 0.18]),
+    )
+    frequency = start + slope * speed[:, None]
+    direction = np.where(slope > 0, 1, 0) * np.ones((40, 1), dtype=np.int8)
+    critical = start[:5] / (1 - slope[:5])
+    x = np.linspace(-1, 1, 15)
+    forms = [np.cos(1.3 * x) + 0.1, np.cos(1.3 * x), x, 1.1 * x**3 - 0.2 * x, np.cos(2.6 * x) - 0.2]
+    shapes = np.stack(
+        [
+            np.column_stack([0.8j * (1 if j % 2 else -1) * f, f * np.exp(0.1j * x)])
+            for j, f in enumerate(forms)
+        ]
+    )
+    j, k, order = (
+        grid.ravel() for grid in np.meshgrid(np.arange(4), np.arange(4), np.arange(1, 4), indexing="ij")
+    )
+    rows = [(2 * critical[a] / n, a, a, n, 0) for a, b, n in zip(j, k, order, strict=True) if a == b]
+    rows += [
+        ((critical[a] + critical[b]) / n, a, b, n, 1) for a, b, n in zip(j, k, order, strict=True) if a < b
+    ]
+    rows += [
+        (abs(critical[a] - critical[b]) / n, a, b, n, 2) for a, b, n in zip(j, k, order, strict=True) if a < b
+    ]
+    table = np.array(rows)
+    unbalance = np.linspace(0.05, 1.5, 200)
+    response = sum(unbalance**2 / np.abs(w**2 - unbalance**2 + 0.06j * w * unbalance) for w in critical[:3])
+    modes = 8
+    full = np.array([0.31, 0.33, 0.62, 0.68, 1.35, 1.38, 2.4, 2.5])
+    mac = np.eye(modes) * 0.97 + 0.02
+    mac[6, 6], mac[7, 7], mac[6, 7] = 0.81, 0.78, 0.2
+    return {
+        "speed": speed,
+        "frequency": frequency,
+        "damping_ratio": np.abs(np.linspace(0.05, 0.6, 6) * (1.2 - 0.4 * speed[:, None])),
+        "direction": direction,
+        "critical_speed": critical,
+        "critical_damping_ratio": np.array([0.04, 0.11, 0.21, 0.3, 0.45]),
+        "critical_direction": np.array([1, 2, 0, 1, 0], dtype=np.int8),
+        "critical_mode_shape": shapes,
+        "resonance_frequency": table[:, 0],
+        "resonance_j": table[:, 1].astype(int),
+        "resonance_k": table[:, 2].astype(int),
+        "resonance_order": table[:, 3].astype(int),
+        "resonance_kind": table[:, 4].astype(np.int8),
+        "full_frequency": full,
+        "condensed_frequency": full * (1 + 0.0004 * np.arange(modes) ** 2.2),
+        "full_decrement": np.linspace(0.2, 1.4, modes),
+        "condensed_decrement": np.linspace(0.2, 1.4, modes) * 1.03,
+        "mac": mac,
+        "unbalance_speed": unbalance,
+        "response_node": np.array([7, 14]),
+        "unbalance_full": np.column_stack([response, 0.6 * response]),
+        "unbalance_condensed": np.column_stack([1.02 * response, 0.61 * response]),
+    }
+
+
+def cycles(points: int = 40) -> tuple[Arrays, list[dict[str, Any]]]:
+    """A branch over the speed with a PD window from 0.5 to 0.62 and an NS at 1.2; and its bifurcations."""
+    speed = np.linspace(0.3, 1.3, max(points, 2))[:points]
+    phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+    centre = _locus(speed)
+    orbit = np.zeros((points, SAMPLES, 2 * len(MASTERS)))
+    for master in range(len(MASTERS)):
+        radius = (0.08 + 0.05 * speed + 0.01 * (master == 5))[:, None]
+        orbit[:, :, 2 * master] = centre[:, :1] + radius * (np.cos(phase + 0.3) + 0.2 * np.cos(2 * phase))
+        orbit[:, :, 2 * master + 1] = centre[:, 1:] + 1.3 * radius * np.sin(phase)
+    journals = orbit[:, :, [2, 3, 10, 11]].reshape(points, SAMPLES, 2, 2)
+    theta = np.linspace(0, 2 * np.pi, THETAS)
+    instants = journals[:, :: SAMPLES // SNAPSHOTS]
+    bump = np.cos(theta) * instants[..., :1] + np.sin(theta) * instants[..., 1:]
+    pressure = 1.0 + np.sin(theta / 2) ** 2 * (0.8 * bump + 1.2 * np.maximum(bump, 0) ** 3)
+    foil = (pressure - 1.0) / 10.0 - 0.1 * (1 + np.sin(2 * np.pi * np.arange(8) / 8))[
+        None, :, None, None
+    ] * np.sin(theta) ** 2
+    multipliers, unstable = _multipliers(speed)
+    events = [
+        _event("period_doubling", 0.5, speed, -1.0 + 0j),
+        _event("period_doubling", 0.62, speed, -1.0 + 0j),
+        _event("neimark_sacker", 1.2, speed, np.exp(2.05j)),
+    ]
+    arrays = {
+        "speed": speed,
+        "excitation_frequency": np.full(points, 0.7),
+        "displacement": np.full(points, 0.2),
+        "foil_stiffness": np.full(points, 10.0),
+        "period": np.full(points, 2 * np.pi / 0.7),
+        "state": np.outer(speed, np.ones(STATES)),
+        "multipliers": multipliers,
+        "multiplier_count": np.full(points, MULTIPLIERS),
+        "unstable_count": unstable,
+        "orbit": orbit,
+        "orbit_minimum": orbit.min(axis=1),
+        "orbit_maximum": orbit.max(axis=1),
+        "minimum_film": 0.9 - np.hypot(journals[..., 0], journals[..., 1]).max(axis=1),
+        "minimum_film_trace": 0.9 - np.hypot(journals[..., 0], journals[..., 1]),
+        "film_pressure": pressure,
+        "foil_displacement": foil,
+        "film_thickness": 1 - bump + foil,
+        "theta": theta,
+    }
+    return arrays, [event for event in events if event["after_point"] < points - 1]
+
+
+def _multipliers(speed: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.int64]]:
+    """A pair leaving the circle at 1.2, a real one through -1 in the PD window, and slow ones inside."""
+    modulus = np.exp(0.5 * (speed - 1.2))
+    pair = modulus * np.exp(1j * (1.2 + 0.85 * (speed - 0.2)))
+    flip = -(0.6 + 0.42 * np.exp(-(((speed - 0.56) / 0.13) ** 2))) - 0.0 * 1j
+    flip = np.where((speed > 0.5) & (speed < 0.62), np.minimum(flip, -1.001), np.maximum(flip.real, -0.999))
+    second = 0.72 * np.exp(1j * (2.4 - 0.4 * speed))
+    third = 0.4 * np.exp(1j * (0.8 + speed))
+    real = 0.3 + 0.1 * speed
+    values = np.column_stack([pair, pair.conj(), flip, second, second.conj(), third, third.conj(), real])
+    padded = np.full((len(speed), MULTIPLIERS), np.nan + 0j)
+    padded[:, : values.shape[1]] = values
+    return padded, np.asarray((np.abs(values) > 1).sum(axis=1))
+
+
+def _event(kind: str, value: float, speed: NDArray[np.float64], multiplier: complex) -> dict[str, Any]:
+    multipliers = np.full(MULTIPLIERS, np.nan + 0j)
+    multipliers[:2] = multiplier, np.conj(multiplier)
+    if kind == "period_doubling":
+        multipliers[1] = 0.6
+    return {
+        "kind": kind,
+        "after_point": int(np.searchsorted(speed, value)) - 1,
+        "speed": value,
+        "excitation_frequency": 0.7,
+        "displacement": 0.2,
+        "foil_stiffness": 10.0,
+        "state": np.full(STATES, value),
+        "multipliers": multipliers,
+        "angle": float(np.angle(multiplier)),
+    }
