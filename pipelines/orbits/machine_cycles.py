@@ -1,0 +1,74 @@
+"""The machine as a dynamical system, and what a cycle of it looks like to an engineer: orbits, film, response envelope."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.case.models import PARAMETERS
+from pipelines.machine import film
+from pipelines.machine.assembly import Machine
+from pipelines.machine.rates import BEARINGS, machine_rates, machine_tangent
+
+from .system import DynamicalSystem
+
+Array = NDArray[np.float64]
+
+
+def machine_system(machine: Machine, forced: bool = True) -> DynamicalSystem:
+    """The machine for the period map; ``forced=False`` leaves the period unknown (rings at rest, self-excited whirl)."""
+    return DynamicalSystem(
+        size=machine.size,
+        rates=machine_rates,
+        tangent=machine_tangent,
+        parameter_names=PARAMETERS,
+        forcing=film.EXCITATION_FREQUENCY if forced else None,
+        constants=machine.constants,
+        layout=machine.layout,
+        work_size=machine.work_size,
+    )
+
+
+@dataclass(frozen=True)
+class CycleShape:
+    """A cycle seen from outside; film quantities in units of each bearing's clearance and of the ambient pressure."""
+
+    orbit: Array
+    """Displacements of the master nodes, shape (samples, 2 masters)."""
+    minimum: Array
+    """Smallest value of every displacement over the period, shape (2 masters,)."""
+    maximum: Array
+    """Largest value, same shape."""
+    film_trace: Array
+    """Smallest film thickness along the period, shape (samples, bearings)."""
+    pressure: Array
+    """Axial mean of the pressure, shape (snapshots, bearings, theta)."""
+    foil: Array
+    """Foil displacement, same shape."""
+    thickness: Array
+    """Film thickness, same shape."""
+
+
+def cycle_shape(machine: Machine, orbit: Array, parameters: Array, turns: int = 1, snapshots: int = 8) -> CycleShape:
+    """Describe an orbit (samples, N or more) given at equal fractions of the period; ``turns`` forcing periods long."""
+    orbit = np.ascontiguousarray(orbit[:, : machine.size])
+    samples = orbit.shape[0]
+    phases = 2.0 * np.pi * turns * np.arange(samples) / samples
+    trace = np.array(
+        [machine.minimum_film(phase, state, parameters) for phase, state in zip(phases, orbit, strict=True)]
+    )
+    masters = machine.masters(orbit)
+    nodes = max(bearing.settings.nodes for bearing in machine.bearings)
+    pressure, foil, thickness = (np.full((snapshots, BEARINGS, nodes), np.nan) for _ in range(3))
+    for row in range(snapshots):
+        sample = row * samples // snapshots
+        for index, bearing in enumerate(machine.bearings):
+            own = slice(0, bearing.settings.nodes)
+            state = machine.film(index, phases[sample], orbit[sample], parameters)
+            gauge = bearing.mean_weights @ (state.padded_pressure[:, 1:-1] - 1.0)
+            pressure[row, index, own] = 1.0 + gauge
+            thickness[row, index, own] = state.thickness[1:-1]
+            foil[row, index, own] = orbit[sample, machine.film_unknowns(index)][-bearing.settings.nodes :]
+    return CycleShape(masters, masters.min(axis=0), masters.max(axis=0), trace, pressure, foil, thickness)
