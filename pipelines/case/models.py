@@ -7,7 +7,8 @@ other; whether an equilibrium exists is the solver's business.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from pydantic import ValidationInfo, field_validator
 
@@ -69,26 +70,10 @@ class Case(Table):
     @field_validator("bearings")
     @classmethod
     def _bearings(cls, bearings: tuple[Bearing, Bearing], info: ValidationInfo) -> tuple[Bearing, Bearing]:
-        problems: list[str | Misfit] = []
         rotor: Rotor | None = info.data.get("rotor")
-        for index, bearing in enumerate(bearings):
-            path = (index, "node")
-            if rotor is None:
-                continue
-            if bearing.node >= rotor.node_count:
-                problems.append((path, off_shaft(bearing.node, rotor.node_count - 1)))
-            elif bearing.node not in rotor.masters:
-                problems.append(
-                    (
-                        path,
-                        f"node {bearing.node} must be one of rotor.masters = {list(rotor.masters)}: the "
-                        "film acts on nodes that the condensation keeps",
-                    )
-                )
-        if bearings[0].node == bearings[1].node:
-            problems.append(
-                ((1, "node"), "both bearings stand on the same node: the rotor could tilt freely")
-            )
+        problems = (
+            misplaced_journals(rotor, [bearing.node for bearing in bearings]) if rotor is not None else []
+        )
         if problems:
             raise InconsistentError(*problems)
         return bearings
@@ -131,6 +116,25 @@ class Case(Table):
             if problems:
                 raise InconsistentError(*problems)
         return stage
+
+
+def misplaced_journals(rotor: Rotor, nodes: Sequence[Any]) -> list[Misfit]:
+    """What is wrong with the nodes of the bearings (what is no node number is skipped), by path below them."""
+    problems: list[Misfit] = []
+    for index, node in enumerate(nodes):
+        if not isinstance(node, int) or node < 0:
+            continue
+        if node >= rotor.node_count:
+            problems.append(((index, "node"), off_shaft(node, rotor.node_count - 1)))
+        elif node not in rotor.masters:
+            masters = ", ".join(map(str, rotor.masters))
+            message = f"must be one of rotor.masters ({masters}): the film acts on nodes that are kept"
+            problems.append(((index, "node"), message))
+        if node in nodes[:index]:
+            problems.append(
+                ((index, "node"), "both bearings stand on this node: the rotor could tilt freely")
+            )
+    return problems
 
 
 def _continuation_problems(

@@ -1,0 +1,190 @@
+"""From TOML text to cases: parse, inherit, override, sweep, validate; every problem is reported at once."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+from pydantic import ValidationError
+
+from pipelines.case.locating import key_lines
+from pipelines.case.models import Case, Rotor, misplaced_journals
+from pipelines.case.problems import CaseError, Places, Problem, problems_of, shown
+from pipelines.case.sweeps import (
+    Document,
+    MisplacedError,
+    Sweep,
+    assign,
+    combinations,
+    inherit_bearing,
+    parse_override,
+    read_sweeps,
+)
+
+__all__ = ["CaseError", "NamedCase", "Problem", "read_cases"]
+
+
+@dataclass(frozen=True)
+class NamedCase:
+    """A validated case and its name within the store."""
+
+    case_id: str
+    """Safe as a file name; the case's `name`, or the swept values such as `stiffness=3_displacement=0.2`."""
+    case: Case
+    resolved: dict[str, Any]
+    """The whole configuration with defaults, of JSON types only; `Case.model_validate` reads it back."""
+
+    @classmethod
+    def of(cls, case_id: str, case: Case) -> Self:
+        """Name a case."""
+        return cls(case_id, case, case.model_dump(mode="json"))
+
+    def as_dict(self) -> dict[str, Any]:
+        """A plain dictionary to send to another process."""
+        return {"case_id": self.case_id, "resolved": self.resolved}
+
+    @classmethod
+    def from_dict(cls, plain: Mapping[str, Any]) -> Self:
+        """The inverse of `as_dict`."""
+        return cls.of(str(plain["case_id"]), Case.model_validate(plain["resolved"]))
+
+
+def read_cases(text: str, name: str, overrides: Sequence[str] = ()) -> tuple[NamedCase, ...]:
+    """Read a configuration from its TOML text.
+
+    `name` is the name of the file in messages; `overrides` are assignments `key=value` that replace what the
+    file says (a key without index of an array of tables means every table).  Lists in [sweep] expand to one
+    case per combination.  An override of a swept key replaces its list, or ends the sweep of that key if it
+    is a single value.
+
+    Raises CaseError with all problems.
+    """
+    document = _parse(text, name)
+    places = Places(name, key_lines(text))
+    problems: list[Problem] = []
+    sweeps = _sweeps(document, places, problems)
+    inherit_bearing(document)
+    sweeps = _override(document, sweeps, overrides, places, problems)
+    try:
+        named = list(combinations(sweeps))
+    except MisplacedError as error:
+        problems.append(_problem(places, ("sweep",), f"{error}"))
+        named = []
+    cases = [
+        case
+        for case_id, values in named
+        if (case := _case(document, sweeps, case_id, values, places, problems)) is not None
+    ]
+    if problems:
+        raise CaseError(problems)
+    return tuple(cases)
+
+
+def _parse(text: str, name: str) -> Document:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", str(error))
+        line = int(place[1]) if place and place[1] else text.count("\n") + 1
+        what = str(error)[: place.start()] if place else str(error)
+        column = f" at column {place[2]}" if place and place[2] else ""
+        message = f"not TOML{column}: {what[:1].lower()}{what[1:]}"
+    except RecursionError:
+        line, message = 1, "not a configuration: arrays or tables are nested too deeply"
+    except ValueError as error:
+        # For instance an integer with thousands of digits.
+        line, message = 1, f"not a configuration: {error}"
+    raise CaseError([Problem(name, line, "", "", message)])
+
+
+def _sweeps(document: Document, places: Places, problems: list[Problem]) -> list[Sweep]:
+    try:
+        return list(read_sweeps(document.pop("sweep", {})))
+    except MisplacedError as error:
+        problems.append(_problem(places, ("sweep",), str(error)))
+        return []
+
+
+def _override(
+    document: Document, sweeps: list[Sweep], overrides: Sequence[str], places: Places, problems: list[Problem]
+) -> list[Sweep]:
+    """Carry out the overrides; returns the sweeps that are left."""
+    for text in overrides:
+        source = f"--set {text}"
+        try:
+            key, value = parse_override(text)
+            swept = [sweep for sweep in sweeps if sweep.key == key.removeprefix("sweep.")]
+            if key.startswith("sweep.") or (swept and isinstance(value, list)):
+                sweeps = _replaced(sweeps, key.removeprefix("sweep."), value)
+                places.origins[("sweep", key.removeprefix("sweep."))] = (source, None)
+                continue
+            sweeps = [sweep for sweep in sweeps if sweep not in swept]
+            for path in assign(document, key, value):
+                places.origins[path] = (source, None)
+        except MisplacedError as error:
+            problems.append(Problem("--set", None, text, "", str(error)))
+    return sweeps
+
+
+def _replaced(sweeps: list[Sweep], key: str, value: Any) -> list[Sweep]:
+    if not isinstance(value, list) or not value:
+        raise MisplacedError("a sweep must be a list with at least one value")
+    new = Sweep(key, tuple(value), ("sweep", key))
+    if any(sweep.key == key for sweep in sweeps):
+        return [new if sweep.key == key else sweep for sweep in sweeps]
+    return [*sweeps, new]
+
+
+def _case(
+    document: Document,
+    sweeps: Sequence[Sweep],
+    case_id: str,
+    values: Sequence[Any],
+    places: Places,
+    problems: list[Problem],
+) -> NamedCase | None:
+    """One case of the sweep; None if it has problems, which are added."""
+    own = copy.deepcopy(document)
+    own_places = replace(places, origins=dict(places.origins))
+    misplaced = False
+    for sweep, value in zip(sweeps, values, strict=True):
+        place = places.nearest(sweep.source)
+        try:
+            for path in assign(own, sweep.key, value):
+                own_places.origins[path] = place
+        except MisplacedError as error:
+            problems.append(Problem(*place, f"sweep.{sweep.key}", shown(list(sweep.values)), str(error)))
+            misplaced = True
+    try:
+        case = Case.model_validate(own)
+    except ValidationError as error:
+        problems.extend(problems_of(error, Case, own_places))
+        problems.extend(_journal_problems(own, own_places))
+        return None
+    return None if misplaced else NamedCase.of(case_id or case.name, case)
+
+
+def _journal_problems(document: Document, places: Places) -> list[Problem]:
+    """Bearings off the shaft, found also where something else is wrong with the bearings."""
+    bearings = document.get("bearings")
+    if not isinstance(bearings, list) or not all(isinstance(item, dict) for item in bearings):
+        return []
+    try:
+        rotor = Rotor.model_validate(document.get("rotor"))
+    except ValidationError:
+        return []
+    nodes = [item.get("node") for item in bearings[:2]]
+    problems = []
+    for (index, key), message in misplaced_journals(rotor, nodes):
+        file, line = places.nearest(("bearings", index, key))
+        problems.append(Problem(file, line, f"bearings.{index}.{key}", shown(nodes[int(index)]), message))
+    return problems
+
+
+def _problem(places: Places, path: tuple[str, ...], message: str) -> Problem:
+    file, line = places.nearest(path)
+    return Problem(file, line, ".".join(path), "", message)

@@ -1,0 +1,112 @@
+"""The reference of the configuration, made from the models: Markdown to read, JSON schema for editors."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+
+from pipelines.case.fields import Table, bounds_of, extra_of, inner_types, model_of
+from pipelines.case.models import Case
+
+_TYPE_NAMES = {float: "number", int: "integer", bool: "true/false", str: "string"}
+_INTRODUCTION = """\
+# Configuration
+
+A case is a TOML file of the tables below, in SI units; keys of unit 1 are dimensionless. Every key can be
+set on the command line, as in `--set bearings.foil.stiffness=3` (both bearings) or
+`--set bearings.1.clearance=2e-5` (the second one). A table `[sweep]` with lists, such as
+`bearings.foil.stiffness = [3, 10]`, makes one case of every combination.
+"""
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of a configuration file, the [sweep] table included."""
+    schema = Case.model_json_schema()
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    # The second bearing inherits what it leaves out, which a schema cannot say.
+    schema["$defs"]["Bearing"]["required"] = ["node"]
+    schema["properties"]["sweep"] = {
+        "type": "object",
+        "description": "lists of values by dotted key; every combination is a case",
+    }
+    return schema
+
+
+def reference_markdown() -> str:
+    """The reference in Markdown: one section per table with key, type, meaning, unit, default and bounds."""
+    return "\n".join([_INTRODUCTION, *_section(Case, "", "")])
+
+
+def _section(model: type[Table], header: str, prefix: str) -> Iterator[str]:
+    """The table's keys, then the tables below it; `header` is as in TOML, `prefix` the dotted path."""
+    yield f"## `{header}`\n" if header else "## Top level\n"
+    yield f"{(model.__doc__ or '').strip()}\n"
+    yield "| key | type | meaning | unit | default | allowed |"
+    yield "|---|---|---|---|---|---|"
+    for name, field in model.model_fields.items():
+        yield _row(name, field)
+    yield ""
+    for name, field in model.model_fields.items():
+        inner = model_of(field.annotation)
+        if inner is not None:
+            path = f"{prefix}{name}"
+            yield from _section(inner, *_header(path, field))
+
+
+def _header(path: str, field: FieldInfo) -> tuple[str, str]:
+    """TOML header and prefix of the keys of a table at a path."""
+    origins = {get_origin(kind) for kind in inner_types(field.annotation)}
+    if tuple in origins:
+        return f"[[{path}]]", f"{path}."
+    if dict in origins:
+        return f"[{path}.NAME]", f"{path}.NAME."
+    return f"[{path}]", f"{path}."
+
+
+def _row(name: str, field: FieldInfo) -> str:
+    cells = (
+        f"`{name}`",
+        _type_name(field.annotation),
+        field.description or "",
+        extra_of(field, "unit"),
+        "" if field.is_required() else _default(field.default),
+        _allowed(field),
+    )
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _type_name(annotation: Any) -> str:
+    names = []
+    for kind in inner_types(annotation):
+        origin = get_origin(kind)
+        if origin is tuple:
+            items = get_args(kind)
+            number = "" if Ellipsis in items else f" of {len(items)}"
+            what = "tables" if model_of(kind) else f"{_type_name(items[0])}s"
+            names.append(f"{what} (array{number})")
+        elif origin is dict:
+            names.append("tables by name")
+        elif origin is Literal:
+            names.append("word")
+        else:
+            names.append(_TYPE_NAMES.get(kind, "table"))
+    return " or ".join(names)
+
+
+def _default(default: Any) -> str:
+    if default is None:
+        return "none"
+    if isinstance(default, Table | dict):
+        return "its defaults"
+    return f"`{json.dumps(default)}`"
+
+
+def _allowed(field: FieldInfo) -> str:
+    for kind in inner_types(field.annotation):
+        if get_origin(kind) is Literal:
+            return ", ".join(f"`{word}`" for word in get_args(kind))
+    parts = [part for part in (bounds_of(field), extra_of(field, "because")) if part]
+    return ": ".join(parts)

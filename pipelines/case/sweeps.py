@@ -1,0 +1,185 @@
+"""Overrides, inheritance and sweeps: how one TOML document becomes the tables of one or more cases."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import math
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pipelines.case.fields import ALTERNATIVES, Path
+
+MOST_CASES = 10_000
+
+Document = dict[str, Any]
+
+
+class MisplacedError(ValueError):
+    """A value cannot be put where a dotted path points."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One swept key and its values."""
+
+    key: str
+    """Dotted path, as in `--set`."""
+    values: tuple[Any, ...]
+    source: Path
+    """Path of the list in the file; () for an override."""
+
+
+def inherit_bearing(document: Document) -> None:
+    """Copy keys that the second of two [[bearings]] leaves out from the first, `node` excepted.
+
+    Tables are merged key by key; a key replaces its alternatives (`areal_stiffness` a `stiffness`).
+    """
+    bearings = document.get("bearings")
+    if isinstance(bearings, list) and len(bearings) == 2 and all(isinstance(item, dict) for item in bearings):
+        _fill(bearings[1], {key: value for key, value in bearings[0].items() if key != "node"})
+
+
+def _fill(table: Document, source: Mapping[str, Any]) -> None:
+    given = set(table)
+    for key, value in source.items():
+        if key not in given:
+            if not any(key in group and given & set(group) for group in ALTERNATIVES):
+                table[key] = copy.deepcopy(value)
+        elif isinstance(value, dict) and isinstance(table[key], dict):
+            _fill(table[key], value)
+
+
+def assign(document: Document, key: str, value: Any) -> list[Path]:
+    """Put a value where a dotted path points; a list of tables without index means each of its tables.
+
+    Missing tables are made, and the alternatives of the key (`speed` of `speed_rpm`) are taken away.
+    Returns the paths that were set, those of made tables included; raises MisplacedError.
+    """
+    parts = key.split(".")
+    if not all(parts):
+        raise MisplacedError("is not a key: write it as table.key, such as gas.viscosity")
+    return list(_assign(document, parts, value, ()))
+
+
+def _assign(node: Any, parts: Sequence[str], value: Any, at: Path) -> Iterator[Path]:
+    name, *rest = parts
+    if isinstance(node, list):
+        if name.isdecimal() and len(name) < 10:
+            yield from _assign_item(node, int(name), rest, value, at)
+        elif node and all(isinstance(item, dict) for item in node):
+            for index, item in enumerate(node):
+                yield from _assign(item, parts, value, (*at, index))
+        else:
+            raise MisplacedError(f"leads through {_dotted(at)}, which is an array of values: give an index")
+    elif not isinstance(node, dict):
+        raise MisplacedError(f"leads through {_dotted(at)}, which is a value and no table")
+    elif rest:
+        if name not in node:
+            node[name] = {}
+            yield (*at, name)
+        yield from _assign(node[name], rest, value, (*at, name))
+    else:
+        for group in ALTERNATIVES:
+            if name in group and value is not False:
+                for other in group:
+                    node.pop(other, None)
+        node[name] = copy.deepcopy(value)
+        yield (*at, name)
+
+
+def _assign_item(node: list[Any], index: int, rest: Sequence[str], value: Any, at: Path) -> Iterator[Path]:
+    if index >= len(node):
+        raise MisplacedError(
+            f"names entry {index} of {_dotted(at)}, which has the entries 0 to {len(node) - 1}"
+        )
+    if rest:
+        yield from _assign(node[index], rest, value, (*at, index))
+    else:
+        node[index] = copy.deepcopy(value)
+        yield (*at, index)
+
+
+def _dotted(path: Path) -> str:
+    return ".".join(str(part) for part in path)
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """Split `key=value`; the value is a TOML value, or a bare word taken as a string.
+
+    Raises MisplacedError.
+    """
+    key, separator, literal = text.partition("=")
+    if not separator or not key.strip():
+        raise MisplacedError("is no assignment: write key=value, such as gas.viscosity=1.85e-5")
+    literal = literal.strip()
+    try:
+        document = tomllib.loads(f"value = {literal}")
+    except (ValueError, RecursionError):
+        document = {}
+    if set(document) == {"value"}:
+        return key.strip(), document["value"]
+    if not re.fullmatch(r"[A-Za-z0-9_./+-][A-Za-z0-9_./+ -]*", literal):
+        raise MisplacedError("has a value that is neither a TOML value nor a bare word")
+    return key.strip(), literal
+
+
+def read_sweeps(table: Any, at: Path = ("sweep",), prefix: str = "") -> Iterator[Sweep]:
+    """The swept keys of the [sweep] table; quoted dotted keys and nested tables mean the same.
+
+    Raises MisplacedError.
+    """
+    if not isinstance(table, dict):
+        raise MisplacedError(f"{_dotted(at)} must be a table of lists")
+    for name, value in table.items():
+        key, path = f"{prefix}{name}", (*at, name)
+        if isinstance(value, dict):
+            yield from read_sweeps(value, path, f"{key}.")
+        elif isinstance(value, list) and value:
+            yield Sweep(key, tuple(value), path)
+        else:
+            raise MisplacedError(f"{_dotted(path)} must be a list with at least one value")
+
+
+def combinations(sweeps: Sequence[Sweep]) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    """Case id and values of every combination, such as ("stiffness=3_displacement=0.2", (3, 0.2)).
+
+    Raises MisplacedError for too many combinations, or values that give one id twice.
+    """
+    count = math.prod(len(sweep.values) for sweep in sweeps)
+    if count > MOST_CASES:
+        raise MisplacedError(f"makes {count} cases; at most {MOST_CASES} are allowed")
+    names = _short_names([sweep.key for sweep in sweeps])
+    for sweep in sweeps:
+        words = [_word(value) for value in sweep.values]
+        if len(set(words)) != len(words):
+            raise MisplacedError(f"lists a value of {sweep.key} twice")
+    for values in itertools.product(*(sweep.values for sweep in sweeps)):
+        yield "_".join(f"{name}={_word(value)}" for name, value in zip(names, values, strict=True)), values
+
+
+def _short_names(keys: Sequence[str]) -> list[str]:
+    """The shortest ends of the keys that tell them apart."""
+    names = []
+    for key in keys:
+        parts = key.split(".")
+        others = [other.split(".") for other in keys if other != key]
+        length = 1
+        while length < len(parts) and any(other[-length:] == parts[-length:] for other in others):
+            length += 1
+        names.append(re.sub(r"[^A-Za-z0-9._-]", "-", ".".join(parts[-length:])))
+    return names
+
+
+def _word(value: Any) -> str:
+    """A value as a part of a file name."""
+    if isinstance(value, float) or (
+        isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**53
+    ):
+        return f"{value:.12g}"
+    if isinstance(value, list):
+        return ",".join(_word(item) for item in value)[:80]
+    return re.sub(r"[^A-Za-z0-9.+-]", "-", str(value))[:80]
