@@ -1,0 +1,356 @@
+"""Writing groups: branches row by row, everything else at once.
+
+A commit writes the row's chunks, the slot and the events, and then replaces the group's ``zarr.json``, whose
+``n_points`` and ``n_events`` say what is valid. That one atomic replace makes the row exist; whatever stopped
+a commit before it left nothing that counts, and the next commit writes the same files again. So an
+interrupted and resumed branch has the same bytes as an undisturbed one, provided that its rows are computed
+from the last committed one.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import zarr
+
+from pipelines.datasets.chunks import open_array, read_array
+from pipelines.datasets.durable import make_folder, replace_file, sweep_partials
+from pipelines.datasets.errors import OtherConfigurationError, StoreError
+from pipelines.datasets.locking import GroupLock
+from pipelines.datasets.metadata import (
+    METADATA,
+    encode_array,
+    encode_group,
+    group_folder,
+    read_group_metadata,
+)
+from pipelines.datasets.records import (
+    COMPLETE,
+    ENDED,
+    RUNNING,
+    Resume,
+    Values,
+    branch_sizes,
+    fit_all,
+    with_role,
+)
+from pipelines.datasets.schema import EVENT, KINDS, Array, ArrayLayout, layout
+from pipelines.datasets.store import Store, ensure_container
+
+RESERVED = frozenset(
+    {"kind", "dimensions", "arrays", "n_points", "n_events", "status", "stop_reason", "stop_advice"}
+)
+
+
+def open_branch(
+    store: Store,
+    group: str,
+    kind: str,
+    sizes: Mapping[str, int],
+    static: Values | None = None,
+    attributes: Mapping[str, Any] | None = None,
+) -> BranchWriter:
+    """Open a branch for writing: made when it does not exist, resumed when it does.
+
+    ``sizes`` gives the capacity along the kind's row dimension and the sizes of all other dimensions; arrays
+    with a dimension that has no size are left out. ``static`` holds the arrays that are written once. On
+    resuming, a larger capacity enlarges the branch; other sizes and ``attributes`` must be those of the
+    store. Raises LockedStoreError, OtherConfigurationError, CorruptedError, ForeignStoreError, OSError, and
+    ValueError for data outside the schema.
+    """
+    given = dict(attributes or {})
+    if taken := RESERVED & set(given):
+        raise ValueError(f"attributes {', '.join(sorted(taken))} belong to the writer")
+    complete = branch_sizes(kind, sizes)
+    ensure_container(store, group)
+    lock = GroupLock(store.path, group)
+    try:
+        sweep_partials(group_folder(store.path, group))
+        if store.has_group(group):
+            _adopt(store, group, kind, complete, given)
+        else:
+            _make(store, group, kind, complete, static or {}, given)
+        return BranchWriter(store, group, kind, lock)
+    except BaseException:
+        lock.release()
+        raise
+
+
+def write_group(
+    store: Store, group: str, kind: str, arrays: Values, attributes: Mapping[str, Any] | None = None
+) -> None:
+    """Write a whole group at once; one that exists is replaced. After an interruption there is either all of
+    it or none.
+
+    Sizes follow from the arrays; arrays of the kind that are not given are left out. Raises like
+    `open_branch`.
+    """
+    sizes = sizes_of(kind, arrays)
+    layouts = layout(kind, sizes, tuple(arrays))
+    fitted = fit_all(layouts, arrays, whole=True)
+    ensure_container(store, group)
+    folder = group_folder(store.path, group)
+    with GroupLock(store.path, group):
+        (folder / METADATA).unlink(missing_ok=True)  # from here on the old group does not exist
+        _clear(folder)
+        for name, array in layouts.items():
+            _make_array(store, group, array, fitted[name])
+        content = {**(attributes or {}), "status": COMPLETE, "dimensions": sizes, "arrays": sorted(layouts)}
+        _publish(store, folder, kind, content)
+
+
+def sizes_of(kind: str, arrays: Values) -> dict[str, int]:
+    """Sizes of the dimensions of given arrays. Raises ValueError where two arrays disagree, KeyError for
+    unknown arrays.
+    """
+    sizes: dict[str, int] = {}
+    for name, value in arrays.items():
+        dimensions, shape = KINDS[kind].array(name).dimensions, np.shape(value)
+        if len(dimensions) != len(shape):
+            raise ValueError(f"{name}: shape {shape} given for dimensions {dimensions}")
+        for dimension, size in zip(dimensions, shape, strict=True):
+            if sizes.setdefault(dimension, size) != size:
+                raise ValueError(f"{name}: {dimension} has size {size}, other arrays have {sizes[dimension]}")
+    return sizes
+
+
+class BranchWriter:
+    """The one writer of a branch (see `open_branch`); a context manager that gives the lock back."""
+
+    def __init__(self, store: Store, group: str, kind: str, lock: GroupLock) -> None:
+        metadata = read_group_metadata(store.path, group, kind)
+        self.store, self.group, self.kind = store, group, kind
+        self.arrays = metadata.arrays
+        self._folder, self._lock = metadata.folder, lock
+        self._attributes = metadata.attributes
+        self._rows = {
+            n: _Column(store, group, a, self.n_points) for n, a in with_role(self.arrays, "row").items()
+        }
+        self._events = {
+            n: _Column(store, group, a, self.n_events) for n, a in with_role(self.arrays, "event").items()
+        }
+        self._slots = {n: open_array(store, group, a) for n, a in with_role(self.arrays, "slot").items()}
+
+    @property
+    def n_points(self) -> int:
+        """Committed rows."""
+        return int(self._attributes["n_points"])
+
+    @property
+    def n_events(self) -> int:
+        """Committed events."""
+        return int(self._attributes["n_events"])
+
+    @property
+    def status(self) -> str:
+        """``running`` or ``ended``."""
+        return str(self._attributes["status"])
+
+    @property
+    def capacity(self) -> int:
+        """Rows that fit."""
+        return next(iter(self._rows.values())).array.shape[0]
+
+    def commit(self, row: Values, slots: Values | None = None, events: Sequence[Values] = ()) -> None:
+        """Add one row with its slot data and the events found since the row before it.
+
+        Every row, slot and event array of the group must be given. When it returns, all of it is on disk;
+        when it raises (OSError: disk full, ...), nothing of it counts and the same commit can be tried again.
+        Raises ValueError for data outside the schema and StoreError when the capacity is used up.
+        """
+        new_row = fit_all(with_role(self.arrays, "row"), row)
+        new_slots = fit_all(with_role(self.arrays, "slot"), slots or {})
+        new_events = [fit_all(with_role(self.arrays, "event"), event) for event in events]
+        self._check_capacity(len(new_events))
+        for name, column in self._rows.items():
+            column.write(self.n_points, [new_row[name]])
+        for name, target in self._slots.items():
+            # the other slot belongs to the row before, which stays the newest one until the group's metadata
+            # change
+            target[self.n_points % 2] = new_slots[name]
+        for name, column in self._events.items():
+            column.write(self.n_events, [event[name] for event in new_events])
+        counts = {"n_points": self.n_points + 1, "n_events": self.n_events + len(new_events)}
+        self._replace_attributes({**counts, "status": RUNNING, "stop_reason": "", "stop_advice": ""})
+
+    def finish(self, stop_reason: str, advice: str = "", **attributes: Any) -> None:
+        """Say why the branch ended, with advice and further attributes (no NaN). A later commit sets it
+        running again.
+        """
+        if taken := RESERVED & set(attributes):
+            raise ValueError(f"attributes {', '.join(sorted(taken))} belong to the writer")
+        self._replace_attributes(
+            {**attributes, "status": ENDED, "stop_reason": stop_reason, "stop_advice": advice}
+        )
+
+    def resume_row(self) -> Resume | None:
+        """The newest committed row with its slot, None when there is none yet. Raises CorruptedError."""
+        if self.n_points == 0:
+            return None
+        newest = self.n_points - 1
+        row = {n: column.newest(newest) for n, column in self._rows.items()}
+        slots = {
+            n: read_array(self.store, self.group, self.arrays[n], newest % 2, newest % 2 + 1)[0]
+            for n in self._slots
+        }
+        return Resume(
+            self.n_points, self.n_events, row, slots, self.status, str(self._attributes["stop_reason"])
+        )
+
+    def close(self) -> None:
+        """Give the right to write back."""
+        self._lock.release()
+
+    def __enter__(self) -> BranchWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _check_capacity(self, new_events: int) -> None:
+        events = next((column.array.shape[0] for column in self._events.values()), 0)
+        if self.n_points >= self.capacity or self.n_events + new_events > events:
+            points = f"{self.n_points} of {self.capacity} points"
+            raise StoreError(
+                f"the branch is full ({points}, {self.n_events} of {events} events)",
+                "Raise max_points and run the same command again",
+                self._folder,
+            )
+
+    def _replace_attributes(self, changes: Mapping[str, Any]) -> None:
+        attributes = {**self._attributes, **changes}
+        _publish(self.store, self._folder, self.kind, attributes)
+        self._attributes = attributes
+
+
+class _Column:
+    """The newest chunk of an array that grows, kept in memory: a commit rewrites it and reads nothing.
+
+    Rows behind the newest are fill values, whatever an interrupted commit left in the file.
+    """
+
+    def __init__(self, store: Store, group: str, array: ArrayLayout, count: int) -> None:
+        self.array = array
+        self._target: zarr.Array[Any] = open_array(store, group, array)
+        self._step = array.chunks[0]
+        self._index = max(0, count - 1) // self._step
+        self._chunk = self._empty()
+        start = self._index * self._step
+        if count > start:
+            self._chunk[: count - start] = read_array(store, group, array, start, count)
+
+    def write(self, first: int, rows: Sequence[Array]) -> None:
+        """Put rows at ``first`` and behind, and write the chunks they are in."""
+        for number, row in enumerate(rows, start=first):
+            index, place = divmod(number, self._step)
+            if index != self._index:
+                self._flush()
+                self._index, self._chunk = index, self._empty()
+            self._chunk[place] = row
+            self._chunk[place + 1 :] = self.array.spec.fill
+        if rows:
+            self._flush()
+
+    def newest(self, number: int) -> Array:
+        """A copy of the newest row."""
+        return self._chunk[number - self._index * self._step].copy()
+
+    def _flush(self) -> None:
+        start = self._index * self._step
+        stop = min(start + self._step, self.array.shape[0])
+        self._target[start:stop] = self._chunk[: stop - start]
+
+    def _empty(self) -> Array:
+        return np.full((self._step, *self.array.row_shape), self.array.spec.fill, dtype=self.array.spec.dtype)
+
+
+def _make(
+    store: Store,
+    group: str,
+    kind: str,
+    sizes: Mapping[str, int],
+    static: Values,
+    attributes: Mapping[str, Any],
+) -> None:
+    arrays = layout(kind, sizes)
+    fitted = fit_all(with_role(arrays, "static"), static, whole=True)
+    folder = group_folder(store.path, group)
+    _clear(folder)
+    for name, array in arrays.items():
+        _make_array(store, group, array, fitted.get(name))
+    content = {
+        **attributes,
+        "dimensions": dict(sizes),
+        "arrays": sorted(arrays),
+        "n_points": 0,
+        "n_events": 0,
+    }
+    _publish(store, folder, kind, {**content, "status": RUNNING, "stop_reason": "", "stop_advice": ""})
+
+
+def _clear(folder: Path) -> None:
+    if folder.exists():
+        shutil.rmtree(folder)
+
+
+def _make_array(store: Store, group: str, array: ArrayLayout, content: Array | None) -> None:
+    folder = store.path / group / array.spec.name
+    make_folder(folder, durable=store.durable)
+    replace_file(folder / METADATA, encode_array(array), durable=store.durable)
+    if content is not None and content.size:
+        open_array(store, group, array)[...] = content
+
+
+def _publish(store: Store, folder: Path, kind: str, attributes: Mapping[str, Any]) -> None:
+    # the temporary file lies in an array's folder, where no reader lists names while the group is being
+    # written
+    scratch = folder / attributes["arrays"][0] if attributes["arrays"] else folder
+    replace_file(folder / METADATA, encode_group(kind, attributes), scratch=scratch, durable=store.durable)
+
+
+def _adopt(
+    store: Store, group: str, kind: str, sizes: Mapping[str, int], attributes: Mapping[str, Any]
+) -> None:
+    metadata = read_group_metadata(store.path, group, kind)
+    stored, growing = metadata.attributes["dimensions"], {KINDS[kind].row, EVENT}
+    differing = [
+        f"{d} has size {stored.get(d)} in the store and {sizes.get(d)} now"
+        for d in sorted(set(stored) | set(sizes))
+        if d not in growing and stored.get(d) != sizes.get(d)
+    ]
+    differing += [
+        f"{key} is {metadata.attributes.get(key)!r} in the store and {value!r} now"
+        for key, value in attributes.items()
+        if metadata.attributes.get(key) != value
+    ]
+    if differing:
+        raise OtherConfigurationError(
+            f"the branch was computed otherwise: {'; '.join(differing)}",
+            "Name another store with -o, or move this one aside with --force",
+            metadata.folder,
+        )
+    wanted = {d: max(size, sizes[d]) if d in growing else size for d, size in stored.items()}
+    _enlarge(store, metadata.folder, kind, metadata.attributes, metadata.arrays, wanted)
+
+
+def _enlarge(
+    store: Store,
+    folder: Path,
+    kind: str,
+    attributes: Mapping[str, Any],
+    found: Mapping[str, ArrayLayout],
+    sizes: Mapping[str, int],
+) -> None:
+    """Bring every array and the group to the wanted capacity; repeats what an interruption left half done."""
+    for name, array in layout(kind, sizes, tuple(found)).items():
+        if array.shape != found[name].shape:
+            replace_file(folder / name / METADATA, encode_array(array), durable=store.durable)
+    if sizes != attributes["dimensions"]:
+        _publish(store, folder, kind, {**attributes, "dimensions": dict(sizes)})

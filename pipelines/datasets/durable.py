@@ -1,0 +1,110 @@
+"""Files that survive: written beside their target, forced to disk, then renamed over it.
+
+Zarr replaces files atomically but never calls fsync, so after a power cut a renamed file may be empty.
+Everything a store writes goes through `replace_file`; `DurableStore` sends Zarr's own writes there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import os
+from pathlib import Path
+
+from zarr.core.buffer import Buffer
+from zarr.storage import LocalStore
+
+PARTIAL = ".partial"
+
+
+def replace_file(
+    path: Path, data: bytes | memoryview, *, scratch: Path | None = None, durable: bool = True
+) -> None:
+    """Replace a file atomically: after any interruption it has its old or its new content.
+
+    ``scratch`` is the folder of the temporary file (same file system; default: the folder of ``path``).
+    Raises OSError, naming ``path``.
+    """
+    partial = (scratch or path.parent) / (path.name + PARTIAL)
+    try:
+        _write(partial, data, durable)
+        os.replace(partial, path)
+        if durable:
+            sync_folder(path.parent)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise about(error, path) from error
+
+
+def _write(path: Path, data: bytes | memoryview, durable: bool) -> None:
+    with open(path, "wb") as file:
+        file.write(data)
+        if durable:
+            file.flush()
+            os.fsync(file.fileno())
+
+
+def sync_folder(folder: Path) -> None:
+    """Force the names in a folder to disk. File systems that cannot sync folders (some network ones) are left
+    alone.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.EBADF, errno.ENOTSUP):
+            raise
+    finally:
+        os.close(descriptor)
+
+
+def make_folder(folder: Path, *, durable: bool = True) -> None:
+    """Make a folder and its parents, forced to disk. Raises OSError, naming ``path``."""
+    missing = [p for p in (folder, *folder.parents) if not p.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if durable:
+            for made in missing:
+                sync_folder(made.parent)
+    except OSError as error:
+        raise about(error, folder) from error
+
+
+def sweep_partials(folder: Path, *, below: bool = True) -> None:
+    """Remove what interrupted writes left in a folder and below it. Only the holder of the folder's lock may
+    do so.
+    """
+    pattern = "*" + PARTIAL
+    for left in list(folder.rglob(pattern) if below else folder.glob(pattern)):
+        left.unlink(missing_ok=True)
+
+
+def about(error: OSError, path: Path) -> OSError:
+    """The same error of the operating system (same errno, same subclass), naming the file it is about."""
+    return OSError(error.errno, error.strerror or str(error), str(path))
+
+
+class DurableStore(LocalStore):
+    """Zarr's local store with every write forced to disk (``durable=False`` leaves that to the operating
+    system).
+    """
+
+    def __init__(self, root: Path | str, *, read_only: bool = False, durable: bool = True) -> None:
+        super().__init__(root, read_only=read_only)
+        self.durable = durable
+
+    def with_read_only(self, read_only: bool = False) -> DurableStore:
+        """The same store, read-only or not."""
+        return type(self)(self.root, read_only=read_only, durable=self.durable)
+
+    async def _set(self, key: str, value: Buffer, exclusive: bool = False) -> None:
+        self._check_writable()
+        path = self.root / key
+        await asyncio.to_thread(replace_file, path, memoryview(value.as_buffer_like()), durable=self.durable)
+
+    def set_sync(self, key: str, value: Buffer) -> None:
+        """Replace one file (Zarr's synchronous path)."""
+        self._check_writable()
+        replace_file(self.root / key, memoryview(value.as_buffer_like()), durable=self.durable)

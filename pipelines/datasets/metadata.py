@@ -1,0 +1,234 @@
+"""The ``zarr.json`` files of a store: written here as deterministic bytes, read here before Zarr sees them.
+
+A group's attributes say which arrays it has and how large they are; with the schema they fix every array's
+metadata. Reading compares the files with that, so that shapes, types, codecs and links made elsewhere are
+refused before memory is asked for.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeGuard
+
+import google_crc32c
+import numpy as np
+
+from pipelines.datasets.errors import CorruptedError, ForeignStoreError, StoreError
+from pipelines.datasets.schema import (
+    CONVENTIONS,
+    KINDS,
+    LARGEST_ROWS,
+    SCHEMA_VERSION,
+    ArrayLayout,
+    array_metadata,
+    layout,
+)
+
+METADATA = "zarr.json"
+CHECKSUM = "attributes_crc32c"
+LARGEST_METADATA_BYTES = 16 * 1024**2
+CONTAINER = "container"
+ROOT = "store"
+CASE = "case"
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.=,@-]*")
+RECOMPUTE = "Remove this folder and run the same command again: it is computed anew, everything else is kept"
+
+
+@dataclass(frozen=True)
+class GroupMetadata:
+    """A group as its ``zarr.json`` describes it: attributes and, by name, the arrays that it must have."""
+
+    folder: Path
+    kind: str
+    attributes: dict[str, Any]
+    arrays: dict[str, ArrayLayout]
+
+
+def encode(content: Mapping[str, Any]) -> bytes:
+    """JSON with sorted keys. Raises ValueError for NaN and infinities, which JSON does not have."""
+    return json.dumps(content, indent=2, sort_keys=True, allow_nan=False, default=_plain).encode() + b"\n"
+
+
+def _plain(value: object) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"an attribute cannot hold a {type(value).__name__}")
+
+
+def encode_group(kind: str, attributes: Mapping[str, Any]) -> bytes:
+    """``zarr.json`` of a group, with a checksum over its attributes (a flipped bit in JSON is often valid
+    JSON).
+    """
+    known = {"kind": kind, "schema_version": SCHEMA_VERSION, "Conventions": CONVENTIONS}
+    content = json.loads(encode({**attributes, **known}))
+    content[CHECKSUM] = _checksum(content)
+    return encode({"zarr_format": 3, "node_type": "group", "attributes": content})
+
+
+def encode_array(array: ArrayLayout) -> bytes:
+    """``zarr.json`` of an array."""
+    return encode(array_metadata(array))
+
+
+def _checksum(attributes: Mapping[str, Any]) -> int:
+    return int(google_crc32c.value(encode({k: v for k, v in attributes.items() if k != CHECKSUM})))
+
+
+def group_folder(store: Path, group: str) -> Path:
+    """Folder of a group. Raises StoreError for names that leave the store, and for links on the way."""
+    folder = store
+    for name in filter(None, group.split("/")):
+        if not _NAME.fullmatch(name):
+            raise StoreError(
+                f"{group!r} is not the name of a group", "Names have letters, digits and _ . = , @ -", store
+            )
+        folder = folder / name
+        if folder.is_symlink():
+            raise ForeignStoreError(
+                "a link inside a store", "Copy the data it points to into its place", folder
+            )
+    return folder
+
+
+def read_group_metadata(store: Path, group: str, kind: str | None = None) -> GroupMetadata:
+    """Attributes and array layouts of a group, checked against the schema; nothing else is read.
+
+    Raises ForeignStoreError, CorruptedError, and StoreError when the group does not exist or is not of
+    ``kind``.
+    """
+    folder = group_folder(store, group)
+    attributes = _group_attributes(folder)
+    found = attributes["kind"]
+    if kind is not None and found != kind:
+        raise ForeignStoreError(
+            f"this is a group of kind {found!r}, not {kind!r}", "Name another store or group", folder
+        )
+    if found not in KINDS:
+        return GroupMetadata(folder, found, attributes, {})
+    arrays = _declared_arrays(folder, found, attributes)
+    counts = {"row": attributes.get("n_points", 0), "event": attributes.get("n_events", 0)}
+    checked = {name: check_array(folder / name, a, counts.get(a.role)) for name, a in arrays.items()}
+    return GroupMetadata(folder, found, attributes, checked)
+
+
+def _group_attributes(folder: Path) -> dict[str, Any]:
+    path = folder / METADATA
+    content = read_json(path)
+    attributes = content.get("attributes")
+    if (
+        content.get("node_type") != "group"
+        or content.get("zarr_format") != 3
+        or not isinstance(attributes, dict)
+    ):
+        raise ForeignStoreError("not the metadata of a Zarr v3 group", "Name a store that agfb wrote", path)
+    version = attributes.get("schema_version")
+    if not isinstance(version, int) or not isinstance(attributes.get("kind"), str):
+        raise ForeignStoreError("this group was not written by agfb", "Name a store that agfb wrote", path)
+    if version != SCHEMA_VERSION:
+        raise ForeignStoreError(
+            f"written with schema version {version}, this program has {SCHEMA_VERSION}",
+            "Read it with the version of agfb named in the store's attributes, or compute it again",
+            path,
+        )
+    if attributes.get(CHECKSUM) != _checksum(attributes):
+        raise CorruptedError("the attributes were changed or damaged (checksum)", RECOMPUTE, path)
+    return attributes
+
+
+def _declared_arrays(folder: Path, kind: str, attributes: Mapping[str, Any]) -> dict[str, ArrayLayout]:
+    sizes, names = attributes.get("dimensions"), attributes.get("arrays")
+    if (
+        not _are_sizes(sizes)
+        or not isinstance(names, list)
+        or not all(isinstance(name, str) for name in names)
+    ):
+        raise ForeignStoreError(
+            "the attributes do not list dimensions and arrays", "Name a store that agfb wrote", folder
+        )
+    try:
+        arrays = layout(kind, sizes, tuple(names))
+    except ValueError as error:
+        raise ForeignStoreError(str(error), "Name a store that agfb wrote", folder) from error
+    if unknown := sorted(set(names) - set(arrays)):
+        raise ForeignStoreError(
+            f"unknown arrays {', '.join(unknown)[:200]}", "Name a store that agfb wrote", folder
+        )
+    _check_counts(folder, kind, attributes, sizes)
+    return arrays
+
+
+def _are_sizes(sizes: object) -> TypeGuard[dict[str, int]]:
+    return isinstance(sizes, dict) and all(type(n) is int for n in sizes.values())
+
+
+def _check_counts(folder: Path, kind: str, attributes: Mapping[str, Any], sizes: Mapping[str, int]) -> None:
+    row = KINDS[kind].row
+    for count, dimension in (("n_points", row), ("n_events", "event")):
+        if count in attributes:
+            number, capacity = attributes[count], sizes.get(dimension or "", 0)
+            if type(number) is not int or not 0 <= number <= capacity:
+                raise ForeignStoreError(
+                    f"{count} is {number!r}, allowed are 0 to {capacity}", RECOMPUTE, folder
+                )
+
+
+def check_array(folder: Path, array: ArrayLayout, rows: int | None = None) -> ArrayLayout:
+    """The array as its ``zarr.json`` has it, which must be as the schema demands.
+
+    With ``rows``, any capacity that holds so many will do: enlarging a branch rewrites one array after the
+    other. Raises ForeignStoreError or CorruptedError.
+    """
+    if folder.is_symlink():
+        raise ForeignStoreError("a link inside a store", "Copy the data it points to into its place", folder)
+    found = read_json(folder / METADATA)
+    shape = found.get("shape")
+    if rows is not None and isinstance(shape, list) and shape and type(shape[0]) is int:
+        array = array.with_rows(min(max(shape[0], rows), LARGEST_ROWS))
+    expected = array_metadata(array)
+    for key in sorted(set(found) | set(expected)):
+        if found.get(key) != expected.get(key):
+            raise ForeignStoreError(
+                f"{key} is {str(found.get(key))[:200]}, expected {str(expected.get(key))[:200]}",
+                "The file is foreign or damaged. " + RECOMPUTE,
+                folder / METADATA,
+            )
+    return array
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Content of a metadata file. Raises ForeignStoreError for links and monsters, CorruptedError for what is
+    not JSON.
+    """
+    size = regular_file_size(path)
+    if size is None:
+        raise CorruptedError("the file is missing", RECOMPUTE, path)
+    if size > LARGEST_METADATA_BYTES:
+        raise ForeignStoreError(f"metadata of {size} bytes", "Name a store that agfb wrote", path)
+    try:
+        content = json.loads(path.read_bytes())
+    except (ValueError, RecursionError) as error:
+        raise CorruptedError(f"not readable as JSON ({str(error)[:100]})", RECOMPUTE, path) from error
+    if not isinstance(content, dict):
+        raise CorruptedError("not a JSON object", RECOMPUTE, path)
+    return content
+
+
+def regular_file_size(path: Path) -> int | None:
+    """Size of a plain file, None when there is none. Raises ForeignStoreError for links and folders."""
+    try:
+        status = path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    if not stat.S_ISREG(status.st_mode):
+        raise ForeignStoreError(
+            "not a plain file", "Stores hold plain files only: replace it by a copy", path
+        )
+    return status.st_size

@@ -1,0 +1,429 @@
+"""What a store holds: every array of every kind of group, as data.
+
+A store is a tree of Zarr v3 groups. Each group has a *kind* (machine, linear, criticals, cycles) and a kind
+is a table of arrays: name, dimensions, units, meaning. Writers, readers and the integrity check all work from
+these tables.
+
+Dimensions play four roles. Arrays whose first dimension is the kind's ``row`` dimension grow point by point;
+those along ``event`` grow with the located bifurcations; those along ``slot`` have two slots written
+alternately and hold what only the newest point needs; all others are written once, when the group is made.
+
+Floating point arrays are filled with NaN, integers with -1, where nothing was written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import prod
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+SCHEMA_VERSION = 1
+CONVENTIONS = "CF-1.11"
+
+EVENT = "event"
+SLOT = "slot"
+
+# A commit rewrites the newest chunk of every array: small enough to rewrite for each point, large enough to
+# read quickly.
+CHUNK_BYTES = 128 * 1024
+CHUNK_ROWS = 512
+
+# Largest sizes a store may declare. They exist because a few hundred bytes of JSON can ask for any amount of
+# memory.
+LARGEST_ROWS = 1_000_000
+LARGEST_DIMENSION = 100_000
+LARGEST_CHUNK_BYTES = 256 * 1024**2
+LARGEST_ARRAY_BYTES = 64 * 1024**3
+
+Dtype = Literal["float64", "complex128", "int32", "int8"]
+Role = Literal["row", "event", "slot", "static"]
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class ArraySpec:
+    """One array of a kind: its name, dimensions and meaning. Flag values count from 0; -1 is unset."""
+
+    name: str
+    dimensions: tuple[str, ...]
+    long_name: str
+    units: str = "1"
+    dtype: Dtype = "float64"
+    flags: tuple[str, ...] = ()
+    padded: bool = False
+    """Shorter data are accepted and filled up (multipliers of a basis narrower than the array)."""
+
+    @property
+    def fill(self) -> complex | float | int:
+        """Value of elements that were never written."""
+        return {"float64": np.nan, "complex128": complex(np.nan, np.nan), "int32": -1, "int8": -1}[self.dtype]
+
+    def flag(self, meaning: str) -> int:
+        """Stored value of a flag, from its meaning (ValueError when it is not one of this array's)."""
+        return self.flags.index(meaning)
+
+
+@dataclass(frozen=True)
+class GroupSpec:
+    """One kind of group. ``row`` names the dimension that grows point by point, ``coordinates`` the arrays
+    that place a row.
+    """
+
+    kind: str
+    title: str
+    arrays: tuple[ArraySpec, ...]
+    row: str | None = None
+    coordinates: tuple[str, ...] = ()
+
+    def role(self, spec: ArraySpec) -> Role:
+        """Which part of a commit writes this array."""
+        first = spec.dimensions[0]
+        if first == EVENT:
+            return "event"
+        if first == SLOT:
+            return "slot"
+        return "row" if self.row is not None and first == self.row else "static"
+
+    def array(self, name: str) -> ArraySpec:
+        """The array called ``name`` (KeyError when the kind has none)."""
+        for spec in self.arrays:
+            if spec.name == name:
+                return spec
+        raise KeyError(f"{self.kind} has no array {name!r}; it has {', '.join(s.name for s in self.arrays)}")
+
+
+@dataclass(frozen=True)
+class ArrayLayout:
+    """An array with its sizes: what its ``zarr.json`` says."""
+
+    spec: ArraySpec
+    role: Role
+    shape: tuple[int, ...]
+    chunks: tuple[int, ...]
+    coordinates: tuple[str, ...] = ()
+
+    @property
+    def row_shape(self) -> tuple[int, ...]:
+        """Shape of one row (of one slot, of one event)."""
+        return self.shape[1:]
+
+    def with_rows(self, rows: int) -> ArrayLayout:
+        """The same array with another capacity. Chunks do not depend on it, so written bytes stay valid."""
+        return replace(self, shape=(rows, *self.shape[1:]))
+
+    def chunk_files(self, rows: int | None = None) -> list[str]:
+        """Names of the chunk files that hold the first ``rows`` rows (all when None)."""
+        if 0 in self.shape:
+            return []
+        count = self.shape[0] if rows is None else rows
+        zeros = ".0" * (len(self.shape) - 1)
+        return [f"c.{index}{zeros}" for index in range(-(-count // self.chunks[0]))]
+
+
+def layout(
+    kind: str, sizes: Mapping[str, int], names: tuple[str, ...] | None = None
+) -> dict[str, ArrayLayout]:
+    """Arrays of a group from the sizes of its dimensions.
+
+    Arrays with a dimension that has no size are left out, so a group without pressure snapshots simply gives
+    no size for them. ``names`` restricts the arrays further. Raises ValueError for sizes outside the limits
+    of this module.
+    """
+    group = KINDS[kind]
+    for dimension, size in sizes.items():
+        limit = LARGEST_ROWS if dimension in (group.row, EVENT) else LARGEST_DIMENSION
+        if not 0 <= size <= limit:
+            raise ValueError(f"dimension {dimension!r} of {kind} has size {size}; allowed are 0 to {limit}")
+    chosen = [
+        s
+        for s in group.arrays
+        if all(d in sizes for d in s.dimensions) and (names is None or s.name in names)
+    ]
+    return {
+        spec.name: _array_layout(group, spec, tuple(sizes[d] for d in spec.dimensions)) for spec in chosen
+    }
+
+
+def _array_layout(group: GroupSpec, spec: ArraySpec, shape: tuple[int, ...]) -> ArrayLayout:
+    role = group.role(spec)
+    itemsize = np.dtype(spec.dtype).itemsize
+    row_bytes = itemsize * prod(shape[1:])
+    rows = {
+        "row": _rows_per_chunk(row_bytes),
+        "event": _rows_per_chunk(row_bytes),
+        "slot": 1,
+        "static": shape[0],
+    }[role]
+    if max(1, rows) * row_bytes > LARGEST_CHUNK_BYTES or row_bytes * shape[0] > LARGEST_ARRAY_BYTES:
+        raise ValueError(
+            f"array {spec.name!r} of {group.kind} with shape {shape} is larger than a store may hold"
+        )
+    chunks = (max(1, rows), *(max(1, n) for n in shape[1:]))
+    placed = group.coordinates if role == "row" and spec.name not in group.coordinates else ()
+    return ArrayLayout(spec, role, shape, chunks, placed)
+
+
+def _rows_per_chunk(row_bytes: int) -> int:
+    return int(min(CHUNK_ROWS, max(1, CHUNK_BYTES // max(1, row_bytes))))
+
+
+def array_metadata(array: ArrayLayout) -> dict[str, Any]:
+    """The ``zarr.json`` of an array: Zarr v3 core metadata with CF attributes.
+
+    Blosc (zstd 5, byte shuffle) with a CRC-32C behind it: without a checksum one flipped bit reads as another
+    number.
+    """
+    spec = array.spec
+    itemsize = np.dtype(spec.dtype).itemsize
+    blosc = {"typesize": itemsize, "cname": "zstd", "clevel": 5, "shuffle": "shuffle", "blocksize": 0}
+    serializer: dict[str, Any] = {"name": "bytes"}
+    if itemsize > 1:
+        serializer["configuration"] = {"endian": "little"}
+    fill: Any = {"float64": "NaN", "complex128": ["NaN", "NaN"], "int32": -1, "int8": -1}[spec.dtype]
+    return {
+        "zarr_format": 3,
+        "node_type": "array",
+        "shape": list(array.shape),
+        "data_type": spec.dtype,
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": list(array.chunks)}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
+        "fill_value": fill,
+        "codecs": [serializer, {"name": "blosc", "configuration": blosc}, {"name": "crc32c"}],
+        "attributes": _cf_attributes(array),
+        "dimension_names": list(spec.dimensions),
+        "storage_transformers": [],
+    }
+
+
+def _cf_attributes(array: ArrayLayout) -> dict[str, Any]:
+    spec = array.spec
+    attributes: dict[str, Any] = {"long_name": spec.long_name, "units": spec.units}
+    if spec.flags:
+        attributes["flag_values"] = list(range(-1, len(spec.flags)))
+        attributes["flag_meanings"] = " ".join(("unset", *spec.flags))
+        del attributes["units"]
+    if array.coordinates:
+        attributes["coordinates"] = " ".join(array.coordinates)
+    return attributes
+
+
+def _real(name: str, dimensions: str, long_name: str, units: str = "1", *, padded: bool = False) -> ArraySpec:
+    return ArraySpec(name, tuple(dimensions.split()), long_name, units, padded=padded)
+
+
+def _complex(name: str, dimensions: str, long_name: str, *, padded: bool = False) -> ArraySpec:
+    return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "complex128", padded=padded)
+
+
+def _count(name: str, dimensions: str, long_name: str) -> ArraySpec:
+    return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "int32")
+
+
+def _flag(name: str, dimensions: str, long_name: str, *meanings: str) -> ArraySpec:
+    return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "int8", meanings)
+
+
+MACHINE = GroupSpec(
+    "machine",
+    "Geometry of the machine",
+    (
+        _real("node_position", "node", "axial position of the shaft nodes", "m"),
+        _real("element_length", "element", "length of the shaft elements", "m"),
+        _real("element_outer", "element", "outer diameter of the shaft elements", "m"),
+        _real("element_inner", "element", "inner diameter of the shaft elements", "m"),
+        _count(
+            "element_material",
+            "element",
+            "material of the shaft elements, index into the attribute material_names",
+        ),
+        _count("disc_node", "disc", "node of the discs"),
+        _real("disc_mass", "disc", "mass of the discs", "kg"),
+        _real("disc_diametral_inertia", "disc", "diametral moment of inertia of the discs", "kg m2"),
+        _real("disc_polar_inertia", "disc", "polar moment of inertia of the discs", "kg m2"),
+        _real(
+            "disc_diameter_equivalent",
+            "disc",
+            "diameter of a thin disc of the same mass and polar inertia",
+            "m",
+        ),
+        _count("support_node", "support", "node of the linear supports"),
+        _count("bearing_node", "bearing", "node of the bearings"),
+        _real("bearing_radius", "bearing", "bearing radius", "m"),
+        _real("bearing_length", "bearing", "bearing length", "m"),
+        _real("bearing_clearance", "bearing", "radial clearance", "m"),
+        _count("master_node", "master", "nodes kept by the condensation"),
+    ),
+)
+
+LINEAR = GroupSpec(
+    "linear",
+    "Equilibria along the rotating speed and their linearisation",
+    (
+        _real("speed", "speed", "rotating speed, dimensionless"),
+        _real(
+            "state",
+            "speed component",
+            "equilibrium state: pressures and foil displacements of both bearings, rotor",
+        ),
+        _real("journal", "speed bearing axis", "journal centre (x, y) over clearance"),
+        _real("minimum_film", "speed bearing", "smallest film thickness over clearance"),
+        _complex(
+            "eigenvalues", "speed eigenvalue", "leading eigenvalues of the linearised system", padded=True
+        ),
+        _real("eigenvalue_residual", "speed eigenvalue", "norm of J v - lambda v for unit v", padded=True),
+        _real("whirl_ratio", "whirl_ratio", "whirl frequency over rotating speed"),
+        _real(
+            "bearing_stiffness", "speed whirl_ratio bearing row column", "bearing stiffness over p0 R L / c"
+        ),
+        _real(
+            "bearing_damping", "speed whirl_ratio bearing row column", "bearing damping over p0 R L t0 / c"
+        ),
+        _count("newton_iterations", "speed", "Newton iterations of the equilibrium"),
+        _real("newton_residual", "speed", "norm of the right-hand side at the equilibrium"),
+    ),
+    row="speed",
+)
+
+CRITICALS = GroupSpec(
+    "criticals",
+    "Critical speeds, Campbell data, predicted resonances, and the full against the condensed rotor",
+    (
+        _real("speed", "speed", "rotating speed, dimensionless"),
+        _real("frequency", "speed mode", "whirl frequency Im lambda", padded=True),
+        _real("damping_ratio", "speed mode", "damping ratio -Re lambda / |lambda|", padded=True),
+        _flag("direction", "speed mode", "whirl direction", "backward", "forward", "mixed"),
+        _real("critical_speed", "critical", "speed at which Im lambda equals the rotating speed"),
+        _real("critical_damping_ratio", "critical", "damping ratio at the critical speed"),
+        _flag(
+            "critical_direction",
+            "critical",
+            "whirl direction at the critical speed",
+            "backward",
+            "forward",
+            "mixed",
+        ),
+        _complex(
+            "critical_mode_shape",
+            "critical node axis",
+            "mode shape (x, y) at all shaft nodes, largest component 1",
+        ),
+        _real("resonance_frequency", "resonance", "excitation frequency of a predicted parametric resonance"),
+        _count("resonance_j", "resonance", "first critical speed of the combination, counted from 1"),
+        _count("resonance_k", "resonance", "second critical speed of the combination, counted from 1"),
+        _count("resonance_order", "resonance", "order n"),
+        _flag(
+            "resonance_kind",
+            "resonance",
+            "2 Omega_j / n, (Omega_j + Omega_k) / n or |Omega_j - Omega_k| / n",
+            "principal",
+            "sum",
+            "difference",
+        ),
+        _real("full_frequency", "rotor_mode", "natural frequency of the full rotor on linear bearings"),
+        _real(
+            "condensed_frequency", "rotor_mode", "natural frequency of the condensed rotor on linear bearings"
+        ),
+        _real("full_decrement", "rotor_mode", "logarithmic decrement, full rotor"),
+        _real("condensed_decrement", "rotor_mode", "logarithmic decrement, condensed rotor"),
+        _real(
+            "mac",
+            "rotor_mode condensed_mode",
+            "modal assurance criterion, full against condensed mode shapes",
+        ),
+        _real("unbalance_speed", "unbalance", "speeds of the unbalance response"),
+        _count("response_node", "response", "node at which the unbalance response is taken"),
+        _real(
+            "unbalance_full", "unbalance response", "unbalance response amplitude over clearance, full rotor"
+        ),
+        _real(
+            "unbalance_condensed",
+            "unbalance response",
+            "unbalance response amplitude over clearance, condensed rotor",
+        ),
+    ),
+)
+
+CYCLES = GroupSpec(
+    "cycles",
+    "A branch of limit cycles with Floquet multipliers and located bifurcations",
+    (
+        _real("speed", "point", "rotating speed, dimensionless"),
+        _real("excitation_frequency", "point", "excitation frequency of the ring, dimensionless"),
+        _real("displacement", "point", "largest vertical displacement of the ring over clearance"),
+        _real("foil_stiffness", "point", "foil stiffness of the first bearing, dimensionless"),
+        _real("period", "point", "period, dimensionless"),
+        _real("state", "point component", "state at the start of the period"),
+        _real("tangent", "point extended", "unit tangent of the branch: state, [period], parameter"),
+        _real("step", "point", "arclength step that the next point tries first"),
+        _flag("direction", "point", "direction in which the continued parameter moves", "down", "up"),
+        _complex("multipliers", "point multiplier", "slow Floquet multipliers, largest first", padded=True),
+        _real("multiplier_residual", "point multiplier", "norm of M v - mu v for unit v", padded=True),
+        _count("multiplier_count", "point", "number of multipliers stored"),
+        _count("unstable_count", "point", "multipliers outside the unit circle, trivial ones left out"),
+        _real("orbit", "point sample coordinate", "orbit of the master nodes over clearance"),
+        _real("orbit_minimum", "point coordinate", "smallest value over the period, over clearance"),
+        _real("orbit_maximum", "point coordinate", "largest value over the period, over clearance"),
+        _real("minimum_film", "point bearing", "smallest film thickness over the period, over clearance"),
+        _real(
+            "minimum_film_trace",
+            "point sample bearing",
+            "smallest film thickness along the period, over clearance",
+        ),
+        _real(
+            "film_pressure", "point snapshot bearing theta", "axial mean of the film pressure over ambient"
+        ),
+        _real(
+            "foil_displacement",
+            "point snapshot bearing theta",
+            "foil displacement over clearance, ring included",
+        ),
+        _real("film_thickness", "point snapshot bearing theta", "film thickness over clearance"),
+        _count("newton_iterations", "point", "Newton-Picard iterations"),
+        _real("newton_history", "point iteration", "residual norm before each iteration", padded=True),
+        _count("steps_per_period", "point", "time steps of one period"),
+        _real(
+            "basis",
+            "slot component column",
+            "orthonormal basis of the slow subspace at the newest point",
+            padded=True,
+        ),
+        _count("basis_columns", "slot", "columns of the basis that are used"),
+        _real("theta", "theta", "circumferential angle", "rad"),
+        _real("sample", "sample", "time of the samples over the period"),
+        _real("snapshot", "snapshot", "time of the snapshots over the period"),
+        _count("coordinate_node", "coordinate", "shaft node of the coordinate"),
+        _flag("coordinate_axis", "coordinate", "axis of the coordinate", "x", "y"),
+        _flag(
+            "event_kind",
+            "event",
+            "bifurcation",
+            "fold",
+            "period_doubling",
+            "neimark_sacker",
+            "branch_point",
+            "neutral_saddle",
+        ),
+        _count("event_after_point", "event", "index of the last point before the event"),
+        _real("event_speed", "event", "rotating speed at the event"),
+        _real("event_excitation_frequency", "event", "excitation frequency at the event"),
+        _real("event_displacement", "event", "ring displacement at the event"),
+        _real("event_foil_stiffness", "event", "foil stiffness at the event"),
+        _real("event_period", "event", "period at the event"),
+        _real("event_state", "event component", "state at the event"),
+        _complex(
+            "event_multipliers", "event multiplier", "slow Floquet multipliers at the event", padded=True
+        ),
+        _real("event_angle", "event", "argument of the critical multiplier", "rad"),
+        _real("event_transversality", "event", "d|mu| / d(parameter) of the critical multiplier"),
+        _flag("event_resonance", "event", "strong resonance nearby", "none", "R1", "R2", "R3", "R4"),
+        _real("event_residual", "event", "test function at the located event"),
+    ),
+    row="point",
+    coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
+)
+
+KINDS: Mapping[str, GroupSpec] = {g.kind: g for g in (MACHINE, LINEAR, CRITICALS, CYCLES)}

@@ -1,0 +1,225 @@
+"""A store: making it, and opening it for writing or reading.
+
+<store>                     root: resolved configuration, its hash, versions, git commit, argv
+<store>/cases/<id>          one case: name, parameters, scales
+<store>/cases/<id>/machine, linear, criticals, cycles/b000, ...
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipelines.datasets.durable import (
+    DurableStore,
+    about,
+    make_folder,
+    replace_file,
+    sweep_partials,
+    sync_folder,
+)
+from pipelines.datasets.errors import (
+    CorruptedError,
+    ForeignStoreError,
+    LockedStoreError,
+    NotAStoreError,
+    OtherConfigurationError,
+    StoreError,
+)
+from pipelines.datasets.locking import GroupLock
+from pipelines.datasets.metadata import (
+    CASE,
+    CONTAINER,
+    METADATA,
+    ROOT,
+    encode_group,
+    group_folder,
+    read_group_metadata,
+)
+
+__all__ = [
+    "CorruptedError",
+    "ForeignStoreError",
+    "LockedStoreError",
+    "NotAStoreError",
+    "OtherConfigurationError",
+    "Store",
+    "StoreError",
+    "create_store",
+    "move_aside",
+    "open_for_reading",
+    "open_for_writing",
+]
+
+
+@dataclass(frozen=True)
+class Store:
+    """An open store. ``attributes`` are those of the root. ``durable`` forces every write to disk (fsync)."""
+
+    path: Path
+    attributes: Mapping[str, Any]
+    read_only: bool
+    durable: bool = True
+    files: DurableStore = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "files", DurableStore(self.path, read_only=self.read_only, durable=self.durable)
+        )
+
+    def has_group(self, group: str) -> bool:
+        """Whether the group exists; a group whose making was interrupted does not."""
+        return (group_folder(self.path, group) / METADATA).is_file()
+
+
+def create_store(
+    path: Path | str,
+    cases: Mapping[str, Mapping[str, Any]],
+    provenance: Mapping[str, Any],
+    *,
+    durable: bool = True,
+) -> Store:
+    """Make a store with one group per case, all at once or not at all, and open it for writing.
+
+    ``cases`` maps case ids to the attributes of their groups, ``provenance`` holds the attributes of the root
+    (see `pipelines.datasets.provenance`). Raises StoreError when the path is taken, OSError when it cannot be
+    written.
+    """
+    final = _resolved(path)
+    _refuse_taken(final)
+    building = final.parent / f".{final.name}.building"
+    make_folder(final.parent, durable=durable)
+    with GroupLock(final, ""):
+        shutil.rmtree(building, ignore_errors=True)
+        _build(building, cases, provenance, durable)
+        try:
+            os.rename(building, final)  # replaces an empty folder, refuses any other
+            sync_folder(final.parent)
+        except OSError as error:
+            _refuse_taken(final)
+            raise about(error, final) from error
+    return open_for_writing(final, durable=durable)
+
+
+def _build(
+    folder: Path, cases: Mapping[str, Mapping[str, Any]], provenance: Mapping[str, Any], durable: bool
+) -> None:
+    groups: dict[str, tuple[str, Mapping[str, Any]]] = {"": (ROOT, provenance), "cases": (CONTAINER, {})}
+    groups |= {f"cases/{identifier}": (CASE, attributes) for identifier, attributes in cases.items()}
+    for group, (kind, attributes) in groups.items():
+        place = group_folder(folder, group)
+        make_folder(place, durable=durable)
+        replace_file(place / METADATA, encode_group(kind, attributes), durable=durable)
+
+
+def _refuse_taken(path: Path) -> None:
+    if not path.exists():
+        return
+    if (path / METADATA).exists():
+        raise StoreError(
+            "there is a store already", "Resume it, name another with -o, or move it aside with --force", path
+        )
+    if not path.is_dir() or any(path.iterdir()):
+        raise NotAStoreError("something else is there", "Name another place with -o", path)
+
+
+def open_for_reading(path: Path | str) -> Store:
+    """Open a store; its files are never changed. Raises NotAStoreError, ForeignStoreError, CorruptedError."""
+    return _open(path, read_only=True, durable=False)
+
+
+def open_for_writing(
+    path: Path | str, provenance: Mapping[str, Any] | None = None, *, durable: bool = True
+) -> Store:
+    """Open an existing store to resume it. Groups are locked one by one when they are written.
+
+    With ``provenance`` the store must belong to the same configuration: its ``configuration_hash`` is
+    compared and OtherConfigurationError says what differs. Raises also NotAStoreError, ForeignStoreError,
+    CorruptedError, OSError.
+    """
+    store = _open(path, read_only=False, durable=durable)
+    if not os.access(store.path, os.W_OK):
+        raise PermissionError(13, "not writable", str(store.path))
+    if provenance is not None:
+        _refuse_other_configuration(store, provenance)
+    return store
+
+
+def _open(path: Path | str, *, read_only: bool, durable: bool) -> Store:
+    resolved = _resolved(path)
+    if not resolved.exists():
+        raise NotAStoreError("no such store", "Check the name; a computation makes one with -o", resolved)
+    if not (resolved / METADATA).is_file():
+        raise NotAStoreError("this is not a store", "A store is a folder with a zarr.json in it", resolved)
+    metadata = read_group_metadata(resolved, "", ROOT)
+    return Store(resolved, metadata.attributes, read_only, durable)
+
+
+def _resolved(path: Path | str) -> Path:
+    return Path(path).expanduser().resolve()
+
+
+def _refuse_other_configuration(store: Store, provenance: Mapping[str, Any]) -> None:
+    if store.attributes.get("configuration_hash") == provenance["configuration_hash"]:
+        return
+    differing = list(
+        differences(store.attributes.get("configuration", {}), provenance.get("configuration", {}))
+    )
+    shown = "; ".join(differing[:8]) + (f"; and {len(differing) - 8} more" if len(differing) > 8 else "")
+    raise OtherConfigurationError(
+        f"the store belongs to another configuration: {shown or 'the hashes differ'}",
+        "Name another store with -o, or move this one aside with --force",
+        store.path,
+    )
+
+
+def differences(stored: Any, given: Any, key: str = "") -> list[str]:
+    """Sentences for every entry in which two nested configurations differ."""
+    if isinstance(stored, Mapping) and isinstance(given, Mapping):
+        keys = sorted(set(stored) | set(given), key=str)
+        below = [differences(stored.get(k), given.get(k), f"{key}.{k}" if key else str(k)) for k in keys]
+        return [sentence for sentences in below for sentence in sentences]
+    if isinstance(stored, list | tuple) and isinstance(given, list | tuple) and len(stored) == len(given):
+        pairs = enumerate(zip(stored, given, strict=True))
+        return [sentence for i, (a, b) in pairs for sentence in differences(a, b, f"{key}[{i}]")]
+    return [] if stored == given else [f"{key} is {stored!r} in the store and {given!r} now"]
+
+
+def ensure_container(store: Store, group: str) -> None:
+    """Make the groups between the case and ``group`` (cycles, pd, ns), once, whichever writer comes first."""
+    parents = group.split("/")[:-1]
+    for depth in range(1, len(parents) + 1):
+        name = "/".join(parents[:depth])
+        if store.has_group(name):
+            continue
+        folder = group_folder(store.path, name)
+        with GroupLock(store.path, name, wait=True):
+            if not store.has_group(name):
+                make_folder(folder, durable=store.durable)
+                sweep_partials(folder, below=False)
+                replace_file(folder / METADATA, encode_group(CONTAINER, {}), durable=store.durable)
+
+
+def move_aside(path: Path | str) -> Path:
+    """Rename a store to the first free ``<name>.old-<number>`` and return its new place.
+
+    Raises LockedStoreError while any of its groups is being written, NotAStoreError when it is not a store.
+    """
+    store = open_for_reading(path).path
+    with ExitStack() as held:
+        for name in GroupLock.known(store):
+            held.enter_context(GroupLock(store, name))
+        number = 1
+        while (target := store.with_name(f"{store.name}.old-{number}")).exists():
+            number += 1
+        try:
+            os.rename(store, target)
+            sync_folder(target.parent)
+        except OSError as error:
+            raise about(error, store) from error
+    return target
