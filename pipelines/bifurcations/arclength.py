@@ -1,0 +1,431 @@
+"""Pseudo-arclength continuation of cycles: predict, correct, test, locate, store, adapt.
+
+In the space u = (s, T, lambda) a point follows u_0 with unit tangent t at distance h when
+
+    phi(s, T, lambda) - s = 0,    phase(s) = 0,    <t, u - u_0> = h
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from pipelines.bifurcations.detection import (
+    DetectionOptions,
+    Event,
+    EventKind,
+    LocationStop,
+    detect,
+    evaluate_tests,
+    explains,
+    locate,
+    unstable_count,
+)
+from pipelines.bifurcations.segment import Metric, Segment, metric_of
+from pipelines.orbits.floquet import Complex
+from pipelines.orbits.period_map import PhaseReference
+from pipelines.orbits.shooting import (
+    Constraint,
+    Correction,
+    Cycle,
+    CycleProblem,
+    Unknowns,
+    correct,
+    first_basis,
+    following_basis,
+    needed_steps,
+    reference_of,
+    tangent_at,
+)
+from pipelines.orbits.system import Matrix, Vector
+
+_STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
+_CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
+
+
+class BranchStop(Enum):
+    """Why a branch ended, with what to do about it."""
+
+    RANGE = "the end of the parameter range is reached: widen the range to go on"
+    CLOSED = "the branch closed on its first point: nothing more to compute"
+    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
+    MINIMUM_STEP = "the step fell below its minimum: lower minimum_step, tighten the grid or allow more iterations"
+    LIMIT = "a limit set by the caller is reached"
+    INTERRUPTED = "stopped on request after a complete point: start again to go on"
+    START_FAILED = "the first cycle did not converge: start at another parameter or from a better guess"
+
+    @property
+    def advice(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True)
+class ContinuationOptions:
+    """How to walk along a branch.
+
+    ``range``: parameter interval; ``direction``: +1 up, -1 down; ``step``, ``minimum_step``, ``maximum_step``:
+    arclength; ``max_points``; ``target_iterations``: Newton iterations at which the step is kept;
+    ``minimum_cosine``: smallest cosine between neighbouring tangents; ``parameter_scale``: parameter change that
+    counts as one; ``detection``: of bifurcations.  Raises ValueError for values out of order.
+    """
+
+    range: tuple[float, float]
+    direction: int = 1
+    step: float = 0.02
+    minimum_step: float = 1e-5
+    maximum_step: float = 0.05
+    max_points: int = 200
+    target_iterations: int = 4
+    minimum_cosine: float = 0.8
+    parameter_scale: float = 1.0
+    detection: DetectionOptions = field(default_factory=DetectionOptions)
+
+    def __post_init__(self) -> None:
+        if not self.range[0] < self.range[1]:
+            raise ValueError(f"range is {self.range}; its first value must be below its second")
+        if self.direction not in (-1, 1):
+            raise ValueError(f"direction is {self.direction}; it must be 1 (up) or -1 (down)")
+        if not 0.0 < self.minimum_step <= self.step <= self.maximum_step:
+            raise ValueError(
+                f"minimum_step {self.minimum_step}, step {self.step}, maximum_step {self.maximum_step}; "
+                "they must be positive and in this order"
+            )
+        if self.max_points < 1 or self.target_iterations < 1:
+            raise ValueError("max_points and target_iterations must be at least 1")
+        if not -1.0 <= self.minimum_cosine < 1.0:
+            raise ValueError(f"minimum_cosine is {self.minimum_cosine}; it must lie in [-1, 1)")
+        if not self.parameter_scale > 0.0:
+            raise ValueError(f"parameter_scale is {self.parameter_scale}; it must be positive")
+
+
+@dataclass(frozen=True)
+class BranchStart:
+    """A guess for the first cycle: ``state`` (N,), the parameter, and the period when it is unknown."""
+
+    state: Vector
+    parameter: float
+    period: float = 0.0
+
+
+@dataclass(frozen=True)
+class BranchState:
+    """Everything the next step depends on, as plain arrays and numbers.
+
+    A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``, ``start_state``
+    (N,), ``basis`` (N, k), ``multipliers`` (m,) complex; ``index`` counts the recorded points from zero; ``step`` is
+    the next arclength step; ``steps`` are per period; ``start_*`` is the first point, for closed curves.
+    """
+
+    index: int
+    state: Vector
+    period: float
+    parameter: float
+    tangent_state: Vector
+    tangent_period: float
+    tangent_parameter: float
+    step: float
+    arclength: float
+    steps: int
+    basis: Matrix
+    multipliers: Complex
+    start_state: Vector
+    start_period: float
+    start_parameter: float
+
+    @property
+    def unknowns(self) -> Unknowns:
+        return Unknowns(self.state, self.period, self.parameter)
+
+    @property
+    def tangent(self) -> Unknowns:
+        return Unknowns(self.tangent_state, self.tangent_period, self.tangent_parameter)
+
+    @property
+    def start(self) -> Unknowns:
+        return Unknowns(self.start_state, self.start_period, self.start_parameter)
+
+    def arrays(self) -> dict[str, Any]:
+        """Field name to array or number."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, Any]) -> BranchState:
+        """The inverse of ``arrays``; arrays are copied into C order, on which the bits of a product depend."""
+        kinds = {"index": int, "steps": int}
+        values = {
+            name: np.array(value, order="C") if np.ndim(value) else kinds.get(name, float)(value)
+            for name, value in arrays.items()
+        }
+        return cls(**values)
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """One accepted cycle: ``cycle`` holds state, period, orbit samples, multipliers and their residuals.
+
+    ``residual_norms`` and ``update_norms``: history of the corrector; ``unlocated``: events that were detected in the
+    step to this point but could not be located even with the smallest step.
+    """
+
+    cycle: Cycle
+    unstable: int
+    residual_norms: tuple[float, ...]
+    update_norms: tuple[float, ...]
+    unlocated: tuple[EventKind, ...] = ()
+
+    @property
+    def iterations(self) -> int:
+        return len(self.update_norms)
+
+
+@dataclass(frozen=True)
+class BranchResult:
+    """How a branch ended; ``message`` says more when the caller's limit or a failed correction ended it."""
+
+    stop: BranchStop
+    state: BranchState | None
+    message: str = ""
+
+
+Record = Callable[[BranchPoint, BranchState, tuple[Event, ...]], None]
+Limit = Callable[[BranchPoint], str | None]
+
+
+def continue_branch(
+    problem: CycleProblem,
+    start: BranchStart | BranchState,
+    options: ContinuationOptions,
+    record: Record,
+    limit: Limit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> BranchResult:
+    """Trace a branch of cycles from a guess, or go on from a recorded state.
+
+    ``record(point, state, events)`` is called once per accepted point, with the events between the previous point and
+    this one; ``state`` is all that is needed to restart after it.  ``limit(point)`` returns a sentence when the point
+    must not be accepted (journal touches the foil), which ends the branch before it.  ``should_stop()`` is asked after
+    each recorded point.  The last point lies exactly on the end of the range.  Raises ValueError when the start lies
+    outside the range; every other failure is a BranchResult.
+    """
+    metric = metric_of(problem, options.parameter_scale)
+    if isinstance(start, BranchState):
+        state = start
+    else:
+        opened = _open_branch(problem, start, options, metric)
+        if isinstance(opened, BranchResult):
+            return opened
+        point, state = opened
+        if limit is not None and (message := limit(point)) is not None:
+            return BranchResult(BranchStop.LIMIT, None, message)
+        record(point, state, ())
+    while (stop := _stop_reason(state, options)) is None:
+        if should_stop is not None and should_stop():
+            return BranchResult(BranchStop.INTERRUPTED, state)
+        step = _attempt(problem, state, options, metric)
+        if isinstance(step, _Rejected):
+            if 0.5 * state.step < options.minimum_step:
+                return BranchResult(BranchStop.MINIMUM_STEP, state, step.message)
+            state = replace(state, step=0.5 * state.step)
+            continue
+        if limit is not None and (message := limit(step.point)) is not None:
+            return BranchResult(BranchStop.LIMIT, state, message)
+        closed = _closes(state, step.segment)
+        state = _advance(problem, state, step, options)
+        record(step.point, state, step.events)
+        if closed:
+            return BranchResult(BranchStop.CLOSED, state)
+    return BranchResult(stop, state)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """An accepted step: the point, the piece of branch that leads to it and the events on it."""
+
+    point: BranchPoint
+    segment: Segment
+    events: tuple[Event, ...]
+
+
+@dataclass(frozen=True)
+class _Rejected:
+    message: str
+
+
+def _open_branch(
+    problem: CycleProblem, start: BranchStart, options: ContinuationOptions, metric: Metric
+) -> tuple[BranchPoint, BranchState] | BranchResult:
+    """Correct the guess at its fixed parameter and orient the branch."""
+    if not options.range[0] <= start.parameter <= options.range[1]:
+        raise ValueError(f"the start {problem.parameter} = {start.parameter} lies outside the range {options.range}")
+    guess = problem.consistent(Unknowns(np.array(start.state, dtype=float), start.period, start.parameter))
+    steps = needed_steps(problem, guess)
+    reference = reference_of(problem, guess, steps)
+    basis = first_basis(problem, guess, steps)
+    correction = correct(problem, guess, problem.fixed_parameter(start.parameter), basis, steps, reference)
+    if correction.cycle is not None and (needed := needed_steps(problem, correction.cycle)) > steps:
+        guess, steps = correction.cycle.unknowns, needed
+        reference = reference_of(problem, guess, steps)
+        correction = correct(
+            problem, guess, problem.fixed_parameter(start.parameter), correction.cycle.basis, steps, reference
+        )
+    cycle = correction.cycle
+    if cycle is None:
+        return BranchResult(BranchStop.START_FAILED, None, correction.stop.advice)
+    row = Unknowns(np.zeros(problem.period_map.size), 0.0, float(options.direction))
+    tangent = tangent_at(problem, cycle, row, reference)
+    if tangent is None:
+        return BranchResult(BranchStop.START_FAILED, None, "the parameter turns at the first point")
+    tangent = tangent.scaled(1.0 / metric.norm(tangent))
+    at = cycle.unknowns
+    state = BranchState(
+        0, at.state, at.period, at.parameter, tangent.state, tangent.period, tangent.parameter, options.step, 0.0,
+        steps, following_basis(problem, cycle), cycle.spectrum.multipliers, at.state, at.period, at.parameter,
+    )  # fmt: skip
+    return _point(problem, correction, cycle), state
+
+
+def _stop_reason(state: BranchState, options: ContinuationOptions) -> BranchStop | None:
+    low, high = options.range
+    outward_high = state.parameter >= high and state.tangent_parameter > 0.0
+    outward_low = state.parameter <= low and state.tangent_parameter < 0.0
+    if outward_high or outward_low:
+        return BranchStop.RANGE
+    return BranchStop.MAXIMUM_POINTS if state.index + 1 >= options.max_points else None
+
+
+def _attempt(
+    problem: CycleProblem, state: BranchState, options: ContinuationOptions, metric: Metric
+) -> _Step | _Rejected:
+    """One step: predict, correct, test, locate.  Rejected means that the step is too long."""
+    reference = reference_of(problem, state.unknowns, state.steps)
+    correction = _predict_and_correct(problem, state, options, metric, reference)
+    cycle = correction.cycle
+    if cycle is None:
+        return _Rejected(correction.stop.advice)
+    chord = cycle.unknowns.minus(state.unknowns)
+    if metric.norm(chord) == 0.0:
+        return _Rejected("the corrector returned to the previous point")
+    tangent = tangent_at(problem, cycle, metric.row(chord), reference)
+    if tangent is None:
+        return _Rejected("the tangent is singular")
+    tangent = tangent.scaled(1.0 / metric.norm(tangent))
+    shortest = 0.5 * state.step < options.minimum_step
+    if metric.inner(tangent, state.tangent) < options.minimum_cosine and not shortest:
+        return _Rejected("the branch bends too much within the step")
+    segment = Segment(
+        problem, metric, state.unknowns, state.tangent, state.multipliers, cycle, tangent, state.basis, reference
+    )
+    located = _events(segment, options.detection, accept_anyway=shortest)
+    if isinstance(located, _Rejected):
+        return located
+    events, unlocated = located
+    return _Step(_point(problem, correction, cycle, unlocated), segment, events)
+
+
+def _predict_and_correct(
+    problem: CycleProblem,
+    state: BranchState,
+    options: ContinuationOptions,
+    metric: Metric,
+    reference: PhaseReference | None,
+) -> Correction:
+    """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it instead."""
+    row = metric.row(state.tangent)
+    guess = state.unknowns.plus(state.tangent, state.step)
+    constraint = Constraint(row, row.dot(state.unknowns) + state.step)
+    bound = _bound_passed(guess.parameter, options.range)
+    if bound is None:
+        correction = correct(problem, guess, constraint, state.basis, state.steps, reference)
+        if correction.cycle is None:
+            return correction
+        guess = correction.cycle.unknowns
+        bound = _bound_passed(guess.parameter, options.range)
+    if bound is not None:
+        share = (bound - state.parameter) / (guess.parameter - state.parameter)
+        guess = state.unknowns.plus(guess.minus(state.unknowns), share)
+        constraint = problem.fixed_parameter(bound)
+        correction = correct(problem, guess, constraint, state.basis, state.steps, reference)
+    if correction.cycle is None:
+        return correction
+    needed = needed_steps(problem, correction.cycle)
+    if needed > state.steps:
+        grown = problem.period_map.samples * int(_STEP_GROWTH * needed / problem.period_map.samples + 1)
+        guess = correction.cycle.unknowns
+        correction = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
+    return correction
+
+
+def _bound_passed(parameter: float, interval: tuple[float, float]) -> float | None:
+    if parameter > interval[1]:
+        return interval[1]
+    return interval[0] if parameter < interval[0] else None
+
+
+def _events(
+    segment: Segment, options: DetectionOptions, accept_anyway: bool
+) -> tuple[tuple[Event, ...], tuple[EventKind, ...]] | _Rejected:
+    """The located events in order along the segment, and those that could not be located."""
+    autonomous = segment.problem.period_map.autonomous
+    before = evaluate_tests(segment.start_multipliers, autonomous)
+    after = evaluate_tests(segment.end.spectrum.multipliers, autonomous)
+    turned = segment.start_tangent.parameter * segment.end_tangent.parameter < 0.0
+    kinds = detect(before, after, turned)
+    if not explains(before, after, kinds) and not accept_anyway:
+        return _Rejected("the number of unstable multipliers changes without an event to explain it")
+    events: list[Event] = []
+    unlocated: list[EventKind] = []
+    for kind in kinds:
+        outcome, event = locate(segment, kind, options)
+        if event is not None:
+            events.append(event)
+        elif outcome is LocationStop.NOT_CONVERGED:
+            if not accept_anyway:
+                return _Rejected(outcome.value)
+            unlocated.append(kind)
+    return tuple(sorted(events, key=lambda event: event.fraction)), tuple(unlocated)
+
+
+def _point(
+    problem: CycleProblem, correction: Correction, cycle: Cycle, unlocated: tuple[EventKind, ...] = ()
+) -> BranchPoint:
+    unstable = unstable_count(cycle.spectrum.multipliers, problem.period_map.autonomous)
+    return BranchPoint(cycle, unstable, correction.residual_norms, correction.update_norms, unlocated)
+
+
+def _closes(state: BranchState, segment: Segment) -> bool:
+    """Whether the segment passes through the first point of the branch, which it has left before."""
+    if state.arclength <= 2.0 * segment.length:
+        return False
+    offset = state.start.minus(segment.start)
+    fraction = segment.metric.inner(offset, segment.chord) / segment.length**2
+    if not 0.0 < fraction <= 1.0:
+        return False
+    return segment.metric.norm(state.start.minus(segment.guess(fraction))) <= _CLOSED * segment.length
+
+
+def _advance(
+    problem: CycleProblem, state: BranchState, step: _Step, options: ContinuationOptions
+) -> BranchState:
+    """The state after an accepted step; the step length follows the Newton count."""
+    cycle, tangent = step.segment.end, step.segment.end_tangent
+    factor = 2.0 ** ((options.target_iterations - step.point.iterations) / 2.0)
+    length = state.step * min(2.0, max(0.5, factor))
+    return replace(
+        state,
+        index=state.index + 1,
+        state=cycle.unknowns.state,
+        period=cycle.unknowns.period,
+        parameter=cycle.unknowns.parameter,
+        tangent_state=tangent.state,
+        tangent_period=tangent.period,
+        tangent_parameter=tangent.parameter,
+        step=min(options.maximum_step, max(options.minimum_step, length)),
+        arclength=state.arclength + step.segment.length,
+        steps=cycle.steps,
+        basis=following_basis(problem, cycle),
+        multipliers=cycle.spectrum.multipliers,
+    )

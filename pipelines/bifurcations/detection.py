@@ -1,0 +1,283 @@
+"""Fold, period doubling, Neimark-Sacker and branch points between two cycles: detected, located, described.
+
+Test functions over the slow multipliers (the trivial multiplier 1 of an autonomous cycle removed):
+
+    psi_fold = prod (1 - mu_i),   psi_PD = prod (1 + mu_i),   psi_NS = prod_{i<j} (1 - mu_i mu_j)
+
+Multipliers near zero contribute factors near one, so the signs do not depend on how many are kept.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from itertools import product
+
+import numpy as np
+from scipy.optimize import brentq
+
+from pipelines.bifurcations.segment import Segment
+from pipelines.orbits.floquet import Complex
+from pipelines.orbits.shooting import Cycle, Unknowns, tangent_at
+from pipelines.orbits.system import Vector
+
+_REAL = 1e-6  # imaginary part, relative to the modulus, below which a multiplier is taken as real
+_DIFFERENCE_FRACTION = 0.05  # of the segment, for the derivative of the modulus
+
+
+class EventKind(IntEnum):
+    FOLD = 1
+    PERIOD_DOUBLING = 2
+    NEIMARK_SACKER = 3
+    BRANCH_POINT = 4
+
+
+class Resonance(IntEnum):
+    """Strong resonances of a Neimark-Sacker point: theta = 0, pi, 2 pi/3, pi/2."""
+
+    NONE = 0
+    R1 = 1
+    R2 = 2
+    R3 = 3
+    R4 = 4
+
+
+class LocationStop(Enum):
+    LOCATED = "located"
+    NEUTRAL_SADDLE = "a real pair with product one: no bifurcation"
+    NOT_CONVERGED = "a cycle inside the bracket did not converge: use smaller steps"
+
+
+@dataclass(frozen=True)
+class DetectionOptions:
+    """``event_tolerance``: width of the final bracket along the branch; ``resonance_distance``: angle in rad within
+    which a strong resonance is reported."""
+
+    event_tolerance: float = 1e-10
+    resonance_distance: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not self.event_tolerance > 0.0:
+            raise ValueError(f"event_tolerance is {self.event_tolerance}; it must be positive")
+        if not 0.0 < self.resonance_distance < math.pi / 6:
+            raise ValueError(
+                f"resonance_distance is {self.resonance_distance}; it must lie in (0, pi/6), or two resonances overlap"
+            )
+
+
+@dataclass(frozen=True)
+class BifurcationTests:
+    """The test functions of one cycle and the number of its unstable multipliers."""
+
+    fold: float
+    period_doubling: float
+    neimark_sacker: float
+    unstable: int
+
+
+@dataclass(frozen=True)
+class Event:
+    """A located bifurcation.
+
+    ``parameters`` (p,), ``state`` (N,), ``multipliers`` (k,) by falling modulus, ``critical`` the multiplier on the
+    unit circle, ``angle`` its argument in [0, pi].  ``transversality``: d abs(critical)/d parameter along the branch;
+    for a fold, where that is infinite, d abs(critical)/d arclength; NaN when a neighbouring cycle did not converge.
+    ``residual``: distance of the critical multiplier from 1 (fold, branch point), -1 or the unit circle; divided by
+    the transversality it is the error of the parameter.  ``fraction``: position in the step of the branch.
+    """
+
+    kind: EventKind
+    parameters: Vector
+    state: Vector
+    period: float
+    multipliers: Complex
+    critical: complex
+    angle: float
+    transversality: float
+    resonance: Resonance
+    residual: float
+    fraction: float
+    steps: int
+
+
+def nontrivial(multipliers: Complex, autonomous: bool) -> Complex:
+    """The multipliers without the trivial one (the nearest to 1) of an autonomous cycle."""
+    if not autonomous:
+        return multipliers
+    return np.delete(multipliers, int(np.argmin(np.abs(multipliers - 1.0))))
+
+
+def unstable_count(multipliers: Complex, autonomous: bool) -> int:
+    """Number of multipliers outside the unit circle, the trivial one left out."""
+    return int(np.sum(np.abs(nontrivial(multipliers, autonomous)) > 1.0))
+
+
+def evaluate_tests(multipliers: Complex, autonomous: bool) -> BifurcationTests:
+    """psi_fold, psi_PD and psi_NS of a cycle."""
+    mu = nontrivial(multipliers, autonomous)
+    first, second = np.triu_indices(len(mu), k=1)
+    return BifurcationTests(
+        fold=float(np.prod(1.0 - mu).real),
+        period_doubling=float(np.prod(1.0 + mu).real),
+        neimark_sacker=float(np.prod(1.0 - mu[first] * mu[second]).real),
+        unstable=unstable_count(multipliers, autonomous),
+    )
+
+
+def detect(before: BifurcationTests, after: BifurcationTests, turned: bool) -> tuple[EventKind, ...]:
+    """Kinds whose test function changed sign.  ``turned``: the parameter reversed its direction.
+
+    A multiplier through +1 is a fold where the parameter turns and a branch point where it does not.
+    """
+    kinds = []
+    if turned:
+        kinds.append(EventKind.FOLD)
+    elif before.fold * after.fold < 0.0:
+        kinds.append(EventKind.BRANCH_POINT)
+    if before.period_doubling * after.period_doubling < 0.0:
+        kinds.append(EventKind.PERIOD_DOUBLING)
+    if before.neimark_sacker * after.neimark_sacker < 0.0:
+        kinds.append(EventKind.NEIMARK_SACKER)
+    return tuple(kinds)
+
+
+def explains(before: BifurcationTests, after: BifurcationTests, kinds: tuple[EventKind, ...]) -> bool:
+    """Whether the events found can account for the change in the number of unstable multipliers.
+
+    A fold, branch point or period doubling moves one multiplier across the circle, a Neimark-Sacker point two and a
+    neutral saddle none.  Otherwise two events lie between the cycles and the step is too long.
+    """
+    if (EventKind.FOLD in kinds) and before.fold * after.fold > 0.0:
+        return False
+    moves = [(-2, 0, 2) if kind is EventKind.NEIMARK_SACKER else (-1, 1) for kind in kinds]
+    return after.unstable - before.unstable in {sum(choice) for choice in product(*moves)}
+
+
+def strong_resonance(angle: float, distance: float) -> Resonance:
+    """The strong resonance within ``distance`` rad of an angle in [0, pi]."""
+    for resonance, exact in (
+        (Resonance.R1, 0.0),
+        (Resonance.R2, math.pi),
+        (Resonance.R3, 2.0 * math.pi / 3.0),
+        (Resonance.R4, math.pi / 2.0),
+    ):
+        if abs(angle - exact) <= distance:
+            return resonance
+    return Resonance.NONE
+
+
+def critical_multiplier(kind: EventKind, multipliers: Complex, autonomous: bool) -> complex | None:
+    """The multiplier that crosses, of a pair the one with positive imaginary part; None for a neutral saddle."""
+    mu = nontrivial(multipliers, autonomous)
+    if kind is EventKind.PERIOD_DOUBLING:
+        return complex(mu[np.argmin(np.abs(mu + 1.0))])
+    if kind is not EventKind.NEIMARK_SACKER:
+        return complex(mu[np.argmin(np.abs(mu - 1.0))])
+    first, second = np.triu_indices(len(mu), k=1)
+    nearest = int(np.argmin(np.abs(1.0 - mu[first] * mu[second])))
+    pair = complex(mu[first[nearest]])
+    return None if abs(pair.imag) <= _REAL * abs(pair) else complex(pair.real, abs(pair.imag))
+
+
+def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tuple[LocationStop, Event | None]:
+    """Find the zero of the test function of ``kind`` on a segment whose ends have opposite signs.
+
+    Every evaluation is a corrected cycle in the plane of its fraction, so the root is as sharp as the corrector.
+    """
+    autonomous = segment.problem.period_map.autonomous
+    cycles: dict[float, Cycle] = {}
+
+    def cycle_at(fraction: float) -> Cycle:
+        if fraction not in cycles:
+            cycle = segment.correct_at(fraction).cycle
+            if cycle is None:
+                raise _NotConverged
+            cycles[fraction] = cycle
+        return cycles[fraction]
+
+    try:
+        fraction = _root(segment, kind, cycle_at, options.event_tolerance / segment.length)
+        cycle = cycle_at(fraction)
+    except _NotConverged:
+        return LocationStop.NOT_CONVERGED, None
+    critical = critical_multiplier(kind, cycle.spectrum.multipliers, autonomous)
+    if critical is None:
+        return LocationStop.NEUTRAL_SADDLE, None
+    angle = abs(math.atan2(critical.imag, critical.real))
+    resonance = Resonance.NONE
+    if kind is EventKind.NEIMARK_SACKER:
+        resonance = strong_resonance(angle, options.resonance_distance)
+    return LocationStop.LOCATED, Event(
+        kind=kind,
+        parameters=cycle.parameters,
+        state=cycle.unknowns.state,
+        period=cycle.unknowns.period,
+        multipliers=cycle.spectrum.multipliers,
+        critical=critical,
+        angle=angle,
+        transversality=_transversality(segment, kind, fraction, critical),
+        resonance=resonance,
+        residual=_distance(kind, critical),
+        fraction=fraction,
+        steps=cycle.steps,
+    )
+
+
+class _NotConverged(Exception):
+    """A cycle inside the bracket did not converge."""
+
+
+def _root(segment: Segment, kind: EventKind, cycle_at: Callable[[float], Cycle], width: float) -> float:
+    """Zero of the test function in (0, 1); the known end values are not computed again."""
+    known = {
+        0.0: _end_value(segment, kind, segment.start_multipliers, segment.start_tangent),
+        1.0: _end_value(segment, kind, segment.end.spectrum.multipliers, segment.end_tangent),
+    }
+
+    def psi(fraction: float) -> float:
+        if fraction in known:
+            return known[fraction]
+        cycle = cycle_at(fraction)
+        if kind is not EventKind.FOLD:
+            return _test_value(kind, cycle.spectrum.multipliers, segment.problem.period_map.autonomous)
+        tangent = tangent_at(segment.problem, cycle, segment.metric.row(segment.chord), segment.reference)
+        if tangent is None:
+            raise _NotConverged
+        return tangent.parameter
+
+    return float(brentq(psi, 0.0, 1.0, xtol=max(width, 1e-14), rtol=4.0 * np.finfo(float).eps))
+
+
+def _end_value(segment: Segment, kind: EventKind, multipliers: Complex, tangent: Unknowns) -> float:
+    if kind is EventKind.FOLD:
+        return tangent.parameter
+    return _test_value(kind, multipliers, segment.problem.period_map.autonomous)
+
+
+def _test_value(kind: EventKind, multipliers: Complex, autonomous: bool) -> float:
+    values = evaluate_tests(multipliers, autonomous)
+    if kind is EventKind.PERIOD_DOUBLING:
+        return values.period_doubling
+    return values.neimark_sacker if kind is EventKind.NEIMARK_SACKER else values.fold
+
+
+def _distance(kind: EventKind, critical: complex) -> float:
+    if kind is EventKind.PERIOD_DOUBLING:
+        return abs(critical + 1.0)
+    return abs(abs(critical) - 1.0) if kind is EventKind.NEIMARK_SACKER else abs(critical - 1.0)
+
+
+def _transversality(segment: Segment, kind: EventKind, fraction: float, critical: complex) -> float:
+    """Central difference of the modulus of the critical multiplier along the branch."""
+    moduli, places = [], []
+    for side in (-_DIFFERENCE_FRACTION, _DIFFERENCE_FRACTION):
+        cycle = segment.correct_at(fraction + side).cycle
+        if cycle is None:
+            return math.nan
+        mu = nontrivial(cycle.spectrum.multipliers, segment.problem.period_map.autonomous)
+        moduli.append(float(np.abs(mu[np.argmin(np.abs(mu - critical))])))
+        arclength = (fraction + side) * segment.length
+        places.append(arclength if kind is EventKind.FOLD else cycle.unknowns.parameter)
+    return (moduli[1] - moduli[0]) / (places[1] - places[0])

@@ -1,0 +1,413 @@
+"""Newton-Picard shooting: exact Newton on the slow subspace, Picard sweeps on the rest.
+
+Unknown are the state s, the parameter lambda and, in the autonomous formulation, the period T:
+
+    r = phi(s, T, lambda) - s = 0,      phase(s) = 0,      row . (s, T, lambda) = value
+
+With V an orthonormal basis of the slow invariant subspace, Q = I - V V' and ds = V a + q, q = q_r + dl q_l + dT q_T,
+where each q_x = Q (M q_x + x) is solved by Picard sweeps (M contracts there), the remaining small system is
+
+    | V'(M-I)V    V'(phi_l + M q_l)    V'(phi_T + M q_T) | | a  |      | V'(r + M q_r)  |
+    | row_s V     row_l + row_s q_l    row_T + row_s q_T | | dl |  = - | gap + row_s q_r|
+    | F V         F_l + F q_l          F_T + F q_T       | | dT |      | F  + F q_r     |
+
+F is the integral phase condition, summed by the same pass; the last row and column exist only for an unknown period.
+After each iteration V <- orth(M V).  When V spans the whole space q vanishes and the method is Newton's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+
+from pipelines.orbits.floquet import (
+    BasisOptions,
+    FloquetSpectrum,
+    adapted_basis,
+    floquet_spectrum,
+    orthonormal,
+    starting_basis,
+)
+from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, PhaseReference
+from pipelines.orbits.system import Matrix, Vector
+
+_DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
+
+
+class NewtonStop(Enum):
+    """Why the corrector stopped, with what to change."""
+
+    CONVERGED = "converged"
+    ITERATIONS = "the residual is still above the tolerance after the allowed iterations: start closer or allow more"
+    DIVERGED = "the residual grows: start closer to the cycle or take a smaller continuation step"
+    NON_FINITE = "the orbit left the domain of the equations: start closer or use more steps per period"
+    SINGULAR = "the bordered matrix is singular: change the continued parameter or start away from the bifurcation"
+
+    @property
+    def advice(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True)
+class ShootingOptions:
+    """Tolerances of the corrector.
+
+    ``tolerance``: largest entry of phi(s) - s, relative to max(1, largest entry of s); ``iterations``: of Newton;
+    ``picard_tolerance``: relative size of the last Picard update; ``picard_sweeps``: their cap; ``multiplier_tolerance``:
+    residual asked of every multiplier above ``checked_modulus``, reached by at most ``multiplier_sweeps`` further
+    subspace iterations (the residual reached is reported); ``basis``: size of the slow subspace.
+    """
+
+    tolerance: float = 1e-10
+    iterations: int = 12
+    picard_tolerance: float = 1e-4
+    picard_sweeps: int = 20
+    multiplier_tolerance: float = 1e-9
+    checked_modulus: float = 0.1
+    multiplier_sweeps: int = 6
+    basis: BasisOptions = field(default_factory=BasisOptions)
+
+    def __post_init__(self) -> None:
+        for name in ("tolerance", "picard_tolerance", "multiplier_tolerance", "checked_modulus"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must lie between 0 and 1")
+        if self.iterations < 1 or self.picard_sweeps < 1 or self.multiplier_sweeps < 0:
+            raise ValueError("iterations and picard_sweeps must be at least 1, multiplier_sweeps at least 0")
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """A point or a direction in the space of (s, T, lambda); ``state`` has shape (N,)."""
+
+    state: Vector
+    period: float
+    parameter: float
+
+    def plus(self, other: Unknowns, factor: float = 1.0) -> Unknowns:
+        return Unknowns(
+            self.state + factor * other.state,
+            self.period + factor * other.period,
+            self.parameter + factor * other.parameter,
+        )
+
+    def minus(self, other: Unknowns) -> Unknowns:
+        return self.plus(other, -1.0)
+
+    def scaled(self, factor: float) -> Unknowns:
+        return Unknowns(factor * self.state, factor * self.period, factor * self.parameter)
+
+    def dot(self, other: Unknowns) -> float:
+        return float(
+            self.state @ other.state + self.period * other.period + self.parameter * other.parameter
+        )
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """The closing row: row . (s, T, lambda) = value."""
+
+    row: Unknowns
+    value: float
+
+    def gap(self, unknowns: Unknowns) -> float:
+        return self.row.dot(unknowns) - self.value
+
+
+@dataclass(frozen=True)
+class CycleProblem:
+    """Cycles of one period map along one of its parameters; ``parameters`` (p,) holds the fixed ones.
+
+    Raises ValueError for an unknown parameter name or a wrong number of parameters.
+    """
+
+    period_map: PeriodMap
+    parameters: Vector
+    parameter: str
+    options: ShootingOptions = field(default_factory=ShootingOptions)
+
+    def __post_init__(self) -> None:
+        names = self.period_map.system.parameter_names
+        if len(self.parameters) != len(names):
+            raise ValueError(f"{len(self.parameters)} parameters given for {', '.join(names)}")
+        self.period_map.system.parameter_index(self.parameter)
+
+    @property
+    def index(self) -> int:
+        return self.period_map.system.parameter_index(self.parameter)
+
+    def parameters_at(self, value: float) -> Vector:
+        """The parameter vector with the continued one set to ``value``."""
+        parameters = np.array(self.parameters, dtype=float)
+        parameters[self.index] = value
+        return parameters
+
+    def consistent(self, unknowns: Unknowns) -> Unknowns:
+        """The unknowns with the period of the forcing in a stroboscopic map; unchanged when T is unknown."""
+        if self.period_map.autonomous:
+            return unknowns
+        return replace(unknowns, period=self.period_map.period(self.parameters_at(unknowns.parameter)))
+
+    def fixed_parameter(self, value: float) -> Constraint:
+        """lambda = value."""
+        return Constraint(Unknowns(np.zeros(self.period_map.size), 0.0, 1.0), value)
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """The map and its derivatives at one point; ``swept`` (N, k) and ``swept_image`` hold q_x and M q_x of the Picard
+    part for x = r, phi_l and, when the period is unknown, phi_T."""
+
+    image: PeriodImage
+    basis: Matrix
+    residual: Vector
+    sources: Matrix
+    swept: Matrix
+    swept_image: Matrix
+    swept_phase: Vector
+    sweeps: int
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A corrected periodic orbit.
+
+    ``parameters`` (p,), ``basis`` (N, k) and the ``image`` of the last pass (orbit, M V, phi_l, ...), ``spectrum`` of
+    multipliers, ``residual`` as in ShootingOptions.tolerance, ``steps`` per period.
+    """
+
+    unknowns: Unknowns
+    parameters: Vector
+    basis: Matrix
+    image: PeriodImage
+    spectrum: FloquetSpectrum
+    residual: float
+    steps: int
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Result of the corrector: the cycle if it converged, else None, and the history of both norms."""
+
+    stop: NewtonStop
+    cycle: Cycle | None
+    residual_norms: tuple[float, ...]
+    update_norms: tuple[float, ...]
+
+    @property
+    def iterations(self) -> int:
+        return len(self.update_norms)
+
+
+def correct(
+    problem: CycleProblem,
+    guess: Unknowns,
+    constraint: Constraint,
+    basis: Matrix,
+    steps: int,
+    reference: PhaseReference | None = None,
+) -> Correction:
+    """Find the cycle near ``guess`` that satisfies ``constraint``.
+
+    ``basis`` (N, k): slow subspace, orthonormal; ``reference``: phase condition, needed when the period is unknown.
+    Failure is a result: see ``Correction.stop``.  Raises ValueError when the reference is missing.
+    """
+    if problem.period_map.autonomous and reference is None:
+        raise ValueError("an unknown period needs a phase reference")
+    unknowns, options = problem.consistent(guess), problem.options
+    residuals: list[float] = []
+    updates: list[float] = []
+    for iteration in range(options.iterations + 1):
+        image = _evaluate(problem, unknowns, basis, steps, reference)
+        if not image.finite:
+            return Correction(NewtonStop.NON_FINITE, None, tuple(residuals), tuple(updates))
+        residuals.append(_residual_norm(unknowns, image, constraint))
+        if residuals[-1] <= options.tolerance:
+            cycle = _settled(problem, unknowns, basis, image, steps, reference, residuals[-1])
+            return Correction(NewtonStop.CONVERGED, cycle, tuple(residuals), tuple(updates))
+        if residuals[-1] > _DIVERGENCE * min(residuals):
+            return Correction(NewtonStop.DIVERGED, None, tuple(residuals), tuple(updates))
+        if iteration == options.iterations:
+            break
+        linear = _linearise(problem, unknowns, basis, image, steps, reference)
+        update = _solve_bordered(problem, linear, constraint.row, constraint.gap(unknowns), image.phase)
+        if update is None:
+            return Correction(NewtonStop.SINGULAR, None, tuple(residuals), tuple(updates))
+        unknowns = problem.consistent(unknowns.plus(update))
+        updates.append(float(np.max(np.abs(update.state))) + abs(update.period) + abs(update.parameter))
+        basis = _next_basis(image.columns)
+    return Correction(NewtonStop.ITERATIONS, None, tuple(residuals), tuple(updates))
+
+
+def tangent_at(
+    problem: CycleProblem, cycle: Cycle, row: Unknowns, reference: PhaseReference | None = None
+) -> Unknowns | None:
+    """The direction (ds, dT, dl) of the branch with row . direction = 1; None when that is singular.
+
+    It solves the bordered system of the corrector with r = 0 and gap = -1.
+    """
+    unknowns = cycle.unknowns
+    exact = replace(cycle.image, state=unknowns.state)
+    linear = _linearise(problem, unknowns, cycle.basis, exact, cycle.steps, reference)
+    direction = _solve_bordered(problem, linear, row, -1.0, 0.0)
+    if direction is None or problem.period_map.autonomous:
+        return direction
+    parameters = problem.parameters_at(unknowns.parameter)
+    slope = problem.period_map.parameter_column(problem.index, parameters).period_rate
+    return replace(direction, period=slope * direction.parameter)
+
+
+def first_basis(problem: CycleProblem, guess: Unknowns, steps: int) -> Matrix:
+    """A slow basis for a guess that has none."""
+    guess = problem.consistent(guess)
+    parameters = problem.parameters_at(guess.parameter)
+    return starting_basis(
+        problem.period_map, guess.state, parameters, guess.period, steps, problem.options.basis
+    )
+
+
+def following_basis(problem: CycleProblem, cycle: Cycle) -> Matrix:
+    """The slow basis with which to look for the neighbours of a cycle."""
+    return adapted_basis(cycle.basis, cycle.image.columns, problem.options.basis)
+
+
+def needed_steps(problem: CycleProblem, cycle_or_guess: Cycle | Unknowns) -> int:
+    """Steps per period that the stiffness along the orbit asks for."""
+    period_map = problem.period_map
+    if isinstance(cycle_or_guess, Cycle):
+        unknowns, orbit = cycle_or_guess.unknowns, cycle_or_guess.image.orbit
+    else:
+        unknowns = problem.consistent(cycle_or_guess)
+        orbit = np.tile(unknowns.state, (period_map.samples, 1))
+    if period_map.steps_per_period is not None:
+        return period_map.steps_for(0.0, unknowns.period)
+    radius = period_map.spectral_radius(orbit, problem.parameters_at(unknowns.parameter))
+    return period_map.steps_for(radius, unknowns.period)
+
+
+def reference_of(problem: CycleProblem, unknowns: Unknowns, steps: int) -> PhaseReference | None:
+    """The phase condition set by the orbit through ``unknowns``; None when the period is known.
+
+    It is recomputed from the state alone, so that a restarted branch gets the same bits.
+    """
+    if not problem.period_map.autonomous:
+        return None
+    parameters = problem.parameters_at(unknowns.parameter)
+    image = problem.period_map.evaluate(unknowns.state, parameters, unknowns.period, steps)
+    return problem.period_map.phase_reference(image.orbit, parameters, unknowns.period)
+
+
+def _evaluate(
+    problem: CycleProblem, unknowns: Unknowns, basis: Matrix, steps: int, reference: PhaseReference | None
+) -> PeriodImage:
+    """phi(s), M V, phi_l, phi_T and the phase rows in one pass."""
+    parameters = problem.parameters_at(unknowns.parameter)
+    inhomogeneous = [problem.period_map.parameter_column(problem.index, parameters)]
+    if problem.period_map.autonomous:
+        inhomogeneous.append(Inhomogeneity(period_rate=1.0))
+    return problem.period_map.evaluate(
+        unknowns.state, parameters, unknowns.period, steps, basis, tuple(inhomogeneous), reference
+    )
+
+
+def _residual_norm(unknowns: Unknowns, image: PeriodImage, constraint: Constraint) -> float:
+    scale = max(1.0, float(np.max(np.abs(unknowns.state))))
+    mismatch = float(np.max(np.abs(image.state - unknowns.state))) / scale
+    return max(mismatch, abs(constraint.gap(unknowns)), abs(image.phase))
+
+
+def _linearise(
+    problem: CycleProblem,
+    unknowns: Unknowns,
+    basis: Matrix,
+    image: PeriodImage,
+    steps: int,
+    reference: PhaseReference | None,
+) -> Linearisation:
+    """Picard part: q_x <- Q (M q_x + x) for x = r, phi_l, phi_T until the update is small against q_x."""
+    residual = image.state - unknowns.state
+    sources = np.column_stack([residual, image.inhomogeneous])
+    options = problem.options
+    swept = sources - basis @ (basis.T @ sources)
+    swept_image, swept_phase, sweeps = np.zeros_like(sources), np.zeros(sources.shape[1]), 0
+    if basis.shape[0] == basis.shape[1]:
+        swept = np.zeros_like(sources)
+        return Linearisation(image, basis, residual, sources, swept, swept_image, swept_phase, sweeps)
+    parameters = problem.parameters_at(unknowns.parameter)
+    for sweeps in range(1, options.picard_sweeps + 1):
+        passed = problem.period_map.evaluate(
+            unknowns.state, parameters, unknowns.period, steps, swept, (), reference
+        )
+        swept_image, swept_phase = passed.columns, passed.phase_columns
+        following = swept_image + sources
+        following = following - basis @ (basis.T @ following)
+        change = np.linalg.norm(following - swept, axis=0)
+        if np.all(change <= options.picard_tolerance * np.linalg.norm(sources, axis=0)):
+            break
+        swept = following
+    return Linearisation(image, basis, residual, sources, swept, swept_image, swept_phase, sweeps)
+
+
+def _solve_bordered(
+    problem: CycleProblem, linear: Linearisation, row: Unknowns, gap: float, phase: float
+) -> Unknowns | None:
+    """The update (ds, dT, dl) of the small bordered system drawn at the head of this module."""
+    basis, columns = linear.basis, linear.basis.shape[1]
+    unknown = columns + (2 if problem.period_map.autonomous else 1)
+    matrix = np.zeros((unknown, unknown))
+    right = np.zeros(unknown)
+    reduced = basis.T @ (linear.sources + linear.swept_image)
+    row_swept = row.state @ linear.swept
+    # V'(M - I)V a + V'(phi_l + M q_l) dl + V'(phi_T + M q_T) dT = -V'(r + M q_r)
+    matrix[:columns, :columns] = basis.T @ linear.image.columns - np.eye(columns)
+    matrix[:columns, columns:] = reduced[:, 1:]
+    right[:columns] = -reduced[:, 0]
+    # row_s (V a + q) + row_l dl + row_T dT = -gap
+    matrix[columns, :columns] = row.state @ basis
+    matrix[columns, columns:] = np.array([row.parameter, row.period])[: unknown - columns] + row_swept[1:]
+    right[columns] = -gap - row_swept[0]
+    if problem.period_map.autonomous:
+        # F (V a + q) + F_l dl + F_T dT = -F
+        matrix[columns + 1, :columns] = linear.image.phase_columns
+        matrix[columns + 1, columns:] = linear.image.phase_inhomogeneous + linear.swept_phase[1:]
+        right[columns + 1] = -phase - linear.swept_phase[0]
+    try:
+        solution = np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        return None
+    if not np.all(np.isfinite(solution)):
+        return None
+    weights = np.concatenate([[1.0], solution[columns:]])
+    state = basis @ solution[:columns] + linear.swept @ weights
+    period = float(solution[columns + 1]) if problem.period_map.autonomous else 0.0
+    return Unknowns(state, period, float(solution[columns]))
+
+
+def _next_basis(image: Matrix) -> Matrix:
+    """V <- orth(M V); a basis of the whole space stays the identity."""
+    return np.eye(image.shape[0]) if image.shape[0] == image.shape[1] else orthonormal(image)
+
+
+def _settled(
+    problem: CycleProblem,
+    unknowns: Unknowns,
+    basis: Matrix,
+    image: PeriodImage,
+    steps: int,
+    reference: PhaseReference | None,
+    residual: float,
+) -> Cycle:
+    """The converged cycle, after as many further subspace iterations as its multipliers need."""
+    options = problem.options
+    spectrum = floquet_spectrum(basis, image.columns)
+    for _ in range(options.multiplier_sweeps):
+        checked = np.abs(spectrum.multipliers) > options.checked_modulus
+        if np.all(spectrum.residuals[checked] <= options.multiplier_tolerance):
+            break
+        basis = _next_basis(image.columns)
+        image = _evaluate(problem, unknowns, basis, steps, reference)
+        spectrum = floquet_spectrum(basis, image.columns)
+    return Cycle(
+        unknowns, problem.parameters_at(unknowns.parameter), basis, image, spectrum, residual, steps
+    )
