@@ -11,6 +11,7 @@ Journal coordinates of a bearing are in units of its own clearance.
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from .film import (
@@ -43,7 +44,8 @@ from .kernels import RATES, TANGENT
 ROTOR_STATE, ROTOR_SIZE, ROTOR_CONSTANTS, JOURNAL, FILM_CONSTANTS = 0, 1, 2, 3, 5
 MACHINE_INTEGERS = 7
 BEARINGS = 2
-COLUMN_CHUNK = 16  # columns of a block treated together: their film thicknesses stay in the first-level cache
+UNSIGNED = np.uint64
+COLUMN_CHUNK = 16  # columns of a block treated together: a bearing's chunk stays near the first-level cache
 
 
 @njit(cache=True)
@@ -131,80 +133,125 @@ def linearise_bearing(phase, state, parameters, bearing, constants, layout, work
     film_force_derivatives(padded, integers, scalars, arrays, gradient)
 
 
-@njit(cache=True)
-def film_tangent(block, first, last, parameters, terms, integers, scalars, arrays, journal, slope, slope_rate, out):
-    """Film and foil rows of J @ block for the columns ``first:last``.
+# The tangent sweeps a block in chunks of columns, copied line by line into one flat array: a line holds one row of the
+# chunk.  Unsigned offsets and one array to read from let the compiler vectorise the sums over a line.
 
-    ``journal`` (4 rows, chunk): dX, dY and their rates; ``slope`` (nodes + 2, chunk) receives dh, ``slope_rate`` d(dh/dtau).
+
+@njit(cache=True)
+def gather_lines(block, first, width, row, rows, lines):
+    """Copy ``rows`` rows of the columns ``first : first + width`` to lines, zeros beyond the width."""
+    for i in range(rows):
+        for c in range(width):
+            lines[i * COLUMN_CHUNK + c] = block[row + i, first + c]
+        for c in range(width, COLUMN_CHUNK):
+            lines[i * COLUMN_CHUNK + c] = 0.0
+
+
+@njit(cache=True)
+def scatter_lines(lines, first, width, row, rows, block):
+    """Copy lines back to rows of a block."""
+    for i in range(rows):
+        for c in range(width):
+            block[row + i, first + c] = lines[i * COLUMN_CHUNK + c]
+
+
+@njit(cache=True, error_model="numpy")
+def foil_lines(lines, parameters, integers, scalars, arrays, clearance, out):
+    """Foil rows of J, and dh and d(dh/dtau) for the film rows.
+
+    Lines of a chunk: the bearing's pressures and foil displacements, the journal's dX, dY and their rates (in the
+    machine's displacement unit), then room for dh (nodes + 2) and d(dh/dtau) (nodes).
     """
-    nodes, stations = integers[NODES], integers[STATIONS]
-    pressure, foil = integers[PRESSURE], integers[FOIL]
-    weights = arrays[2 * nodes + 4 + stations * stations + stations :]
+    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(COLUMN_CHUNK)
     flexibility, relaxation = foil_coefficients(parameters, integers, scalars)
-    width = last - first
-    for k in range(nodes + 2):
-        cosine, sine = arrays[k], arrays[nodes + 2 + k]
-        for c in range(width):
-            slope[k, c] = -cosine * journal[0, c] - sine * journal[1, c]
+    weights = arrays[2 * integers[NODES] + 4 + integers[STATIONS] * (integers[STATIONS] + 1) :]
+    foil = stations * nodes * w
+    journal = foil + nodes * w
+    slope = journal + UNSIGNED(4) * w
+    slope_rate = slope + (nodes + UNSIGNED(2)) * w
+    x, y, x_rate, y_rate = journal, journal + w, journal + w + w, journal + w + w + w
+    for k in range(nodes + UNSIGNED(2)):
+        # dh = -dX cos - dY sin + dq
+        cosine, sine = arrays[k] / clearance, arrays[nodes + UNSIGNED(2) + k] / clearance
+        to = slope + k * w
+        for c in range(w):
+            lines[to + c] = -cosine * lines[x + c] - sine * lines[y + c]
     for i in range(nodes):
-        cosine, sine = arrays[i + 1], arrays[nodes + 3 + i]
-        for c in range(width):
-            dq = block[foil + i, first + c]
-            slope[i + 1, c] += dq
-            slope_rate[i, c] = -relaxation * dq
+        cosine, sine = arrays[i + UNSIGNED(1)] / clearance, arrays[nodes + UNSIGNED(3) + i] / clearance
+        here, to, rate = foil + i * w, slope + (i + UNSIGNED(1)) * w, slope_rate + i * w
+        for c in range(w):
+            lines[to + c] += lines[here + c]
+            out[here + c] = -relaxation * lines[here + c]
         for j in range(stations):
-            factor = flexibility * weights[j]
-            for c in range(width):
-                slope_rate[i, c] += factor * block[pressure + j * nodes + i, first + c]
-        for c in range(width):
-            out[foil + i, first + c] = slope_rate[i, c]
-            slope_rate[i, c] -= cosine * journal[2, c] + sine * journal[3, c]
+            factor, source = flexibility * weights[j], (j * nodes + i) * w
+            for c in range(w):
+                out[here + c] += factor * lines[source + c]
+        for c in range(w):
+            lines[rate + c] = out[here + c] - cosine * lines[x_rate + c] - sine * lines[y_rate + c]
     if integers[PERIODIC] == 1:
-        for c in range(width):
-            slope[0, c], slope[nodes + 1, c] = slope[nodes, c], slope[1, c]
+        last = slope + nodes * w
+        for c in range(w):
+            lines[slope + c] = lines[last + c]
+            lines[last + w + c] = lines[slope + w + c]
+
+
+@njit(cache=True, error_model="numpy")
+def film_lines(lines, terms, integers, out):
+    """Film rows of J from the lines that ``foil_lines`` has completed; ``terms`` as in ``film.film_derivatives``."""
+    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(COLUMN_CHUNK)
+    one, step = UNSIGNED(1), nodes * w
+    slope = (stations * nodes + nodes + UNSIGNED(4)) * w
+    slope_rate = slope + (nodes + UNSIGNED(2)) * w
+    periodic = integers[PERIODIC] == 1
     for j in range(stations):
         for i in range(nodes):
             row = j * nodes + i
-            to = pressure + row
-            t = terms[row]
-            for c in range(width):
-                out[to, first + c] = (
-                    t[THICKNESS_BEFORE] * slope[i, c]
-                    + t[THICKNESS_HERE] * slope[i + 1, c]
-                    + t[THICKNESS_AFTER] * slope[i + 2, c]
-                    + t[THICKNESS_RATE] * slope_rate[i, c]
+            to, dh, rate, station = row * w, slope + i * w, slope_rate + i * w, i * w
+            before, after = terms[row, BEFORE], terms[row, AFTER]
+            left, right = to - w, to + w
+            if i == 0:
+                left, before = to + (nodes - one) * w, before if periodic else 0.0
+            if i == nodes - one:
+                right, after = to - (nodes - one) * w, after if periodic else 0.0
+            thickness_before, thickness = terms[row, THICKNESS_BEFORE], terms[row, THICKNESS_HERE]
+            thickness_after, thickness_rate = terms[row, THICKNESS_AFTER], terms[row, THICKNESS_RATE]
+            for c in range(w):
+                out[to + c] = (
+                    thickness_before * lines[dh + c]
+                    + thickness * lines[dh + w + c]
+                    + thickness_after * lines[dh + w + w + c]
+                    + thickness_rate * lines[rate + c]
+                    + before * lines[left + c]
+                    + after * lines[right + c]
                 )
             for l in range(stations):
-                source = pressure + l * nodes + i
-                for c in range(width):
-                    out[to, first + c] += t[HERE + l] * block[source, first + c]
-            before = pressure + j * nodes + (i - 1 if i > 0 else nodes - 1)
-            after = pressure + j * nodes + (i + 1 if i < nodes - 1 else 0)
-            if i > 0 or integers[PERIODIC] == 1:
-                for c in range(width):
-                    out[to, first + c] += t[BEFORE] * block[before, first + c]
-            if i < nodes - 1 or integers[PERIODIC] == 1:
-                for c in range(width):
-                    out[to, first + c] += t[AFTER] * block[after, first + c]
+                factor, source = terms[row, UNSIGNED(HERE) + l], station + l * step
+                for c in range(w):
+                    out[to + c] += factor * lines[source + c]
+
+
+@njit(cache=True, error_model="numpy")
+def force_lines(lines, gradient, force):
+    """Lines dF_x and dF_y of a bearing into ``force`` (2 chunks)."""
+    w = UNSIGNED(COLUMN_CHUNK)
+    force[:] = 0.0
+    for row in range(UNSIGNED(gradient.shape[0])):
+        x, y, source = gradient[row, 0], gradient[row, 1], row * w
+        for c in range(w):
+            force[c] += x * lines[source + c]
+            force[w + c] += y * lines[source + c]
 
 
 @njit(cache=True)
-def force_tangent(block, first, last, gradient, bearing, integers, constants, layout, force, out):
-    """Add M^-1 dF of one bearing to the rotor rows of the columns ``first:last``; ``force`` (2, chunk) is scratch."""
-    width, pressure = last - first, integers[PRESSURE]
-    force[:, :] = 0.0
-    for row in range(gradient.shape[0]):
-        x, y = gradient[row, 0], gradient[row, 1]
-        for c in range(width):
-            force[0, c] += x * block[pressure + row, first + c]
-            force[1, c] += y * block[pressure + row, first + c]
+def add_force(force, first, width, bearing, constants, layout, out):
+    """Add M^-1 dF of one bearing to the rotor's accelerations."""
     size = layout[ROTOR_SIZE]
     to = layout[ROTOR_STATE] + size
     _, _, _, influence, _ = rotor_views(constants, layout)
     for row in range(size):
         x, y = influence[row, 2 * bearing], influence[row, 2 * bearing + 1]
         for c in range(width):
-            out[to + row, first + c] += x * force[0, c] + y * force[1, c]
+            out[to + row, first + c] += x * force[c] + y * force[COLUMN_CHUNK + c]
 
 
 @njit(cache=True)
@@ -224,56 +271,43 @@ def rotor_tangent(block, speed, constants, layout, out):
 
 
 @njit(cache=True)
-def journal_tangent(block, first, last, dof, size, clearance, journal):
-    """Displacement and velocity of a journal, in units of its clearance, for the columns ``first:last``."""
-    for c in range(first, last):
-        journal[0, c - first] = block[dof, c] / clearance
-        journal[1, c - first] = block[dof + 1, c] / clearance
-        journal[2, c - first] = block[dof + size, c] / clearance
-        journal[3, c - first] = block[dof + size + 1, c] / clearance
-
-
-@njit(cache=True)
 def tangent_workspace(nodes, stations, work):
-    """Split scratch space into terms, force gradient, thickness slope and its rate, and the rest."""
+    """Split scratch space into terms, force gradient, lines, their image, force lines, and the rest."""
     rows = nodes * stations
     a = rows * (HERE + stations)
     b = a + rows * 2
-    c = b + (nodes + 2) * COLUMN_CHUNK
-    d = c + nodes * COLUMN_CHUNK
-    return (
-        work[:a].reshape(rows, HERE + stations),
-        work[a:b].reshape(rows, 2),
-        work[b:c].reshape(nodes + 2, COLUMN_CHUNK),
-        work[c:d].reshape(nodes, COLUMN_CHUNK),
-        work[d:],
-    )
+    c = b + (rows + 3 * nodes + 6) * COLUMN_CHUNK
+    d = c + (rows + nodes) * COLUMN_CHUNK
+    e = d + 2 * COLUMN_CHUNK
+    return work[:a].reshape(rows, HERE + stations), work[a:b].reshape(rows, 2), work[b:c], work[c:d], work[d:e], work[e:]
 
 
 @njit(TANGENT, cache=True)
 def machine_tangent(phase, state, block, parameters, constants, layout, work, out):
     """J(phase, state) @ block: linearise both bearings, then sweep the block in chunks of columns."""
+    columns, start, size = block.shape[1], layout[ROTOR_STATE], layout[ROTOR_SIZE]
     rotor_tangent(block, parameters[SPEED], constants, layout, out)
-    journal = work[: 4 * COLUMN_CHUNK].reshape(4, COLUMN_CHUNK)
-    force = work[4 * COLUMN_CHUNK : 6 * COLUMN_CHUNK].reshape(2, COLUMN_CHUNK)
     for bearing in range(BEARINGS):
         integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
-        nodes, stations, columns = integers[NODES], integers[STATIONS], block.shape[1]
-        dof = layout[ROTOR_STATE] + layout[JOURNAL + bearing]
-        terms, gradient, slope, slope_rate, scratch = tangent_workspace(nodes, stations, work[6 * COLUMN_CHUNK :])
+        unknowns = integers[NODES] * (integers[STATIONS] + 1)
+        journal, row = start + layout[JOURNAL + bearing], integers[PRESSURE]
+        terms, gradient, lines, image, force, scratch = tangent_workspace(integers[NODES], integers[STATIONS], work)
         linearise_bearing(phase, state, parameters, bearing, constants, layout, scratch, terms, gradient)
         for first in range(0, columns, COLUMN_CHUNK):
-            last = min(first + COLUMN_CHUNK, columns)
-            journal_tangent(block, first, last, dof, layout[ROTOR_SIZE], clearance, journal)
-            film_tangent(
-                block, first, last, parameters, terms, integers, scalars, arrays, journal, slope, slope_rate, out
-            )
-            force_tangent(block, first, last, gradient, bearing, integers, constants, layout, force, out)
+            width = min(COLUMN_CHUNK, columns - first)
+            gather_lines(block, first, width, row, unknowns, lines)
+            gather_lines(block, first, width, journal, 2, lines[unknowns * COLUMN_CHUNK :])
+            gather_lines(block, first, width, journal + size, 2, lines[(unknowns + 2) * COLUMN_CHUNK :])
+            foil_lines(lines, parameters, integers, scalars, arrays, clearance, image)
+            film_lines(lines, terms, integers, image)
+            scatter_lines(image, first, width, row, unknowns, out)
+            force_lines(lines, gradient, force)
+            add_force(force, first, width, bearing, constants, layout, out)
 
 
 def workspace_size(state_size: int, nodes: int, stations: int) -> int:
     """Scratch doubles that ``machine_rates`` and ``machine_tangent`` need for bearings of at most this size."""
     film = 2 * nodes + 2 + stations * (nodes + 2)
     rows = nodes * stations
-    block = rows * (HERE + stations + 2) + (2 * nodes + 2) * COLUMN_CHUNK
-    return 6 * COLUMN_CHUNK + block + state_size + film
+    lines = (2 * rows + 4 * nodes + 8) * COLUMN_CHUNK
+    return rows * (HERE + stations + 2) + lines + state_size + film + BEARINGS * 2
