@@ -44,8 +44,7 @@ class CondensedRotor:
     transformation: FloatArray
 
     def position(self, node: int) -> int:
-        """Index of the freedom x of a master node, y follows; raises ValueError if the node is not a master.
-        """
+        """Index of the freedom x of a master node, y follows; raises ValueError for another node."""
         if node not in self.masters:
             raise ValueError(f"node {node} is not a master node; the masters are {list(self.masters)}")
         return 2 * self.masters.index(node)
@@ -128,8 +127,7 @@ def static_transformation(stiffness: FloatArray, masters: Sequence[int]) -> Floa
 
 
 def condense(rotor: RotorMatrices, masters: Sequence[int]) -> CondensedRotor:
-    """Condense the rotor onto its master nodes (Eq. 11); raises ValueError as ``static_transformation`` does.
-    """
+    """Condense the rotor onto its masters (Eq. 11); raises ValueError as ``static_transformation`` does."""
     transformation = static_transformation(rotor.stiffness, masters)
 
     def reduced(matrix: FloatArray) -> FloatArray:

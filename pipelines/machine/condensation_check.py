@@ -41,8 +41,7 @@ class ModalComparison:
 
 @dataclass(frozen=True)
 class CondensationComparison:
-    """Modal comparison at one speed, and unbalance responses [m] of shape (speeds, nodes, 2) (x, y; complex).
-    """
+    """Modes at one speed [rad/s], and unbalance responses [m] of shape (speeds, nodes, 2), complex x, y."""
 
     modal: ModalComparison
     modal_speed: float
@@ -60,29 +59,34 @@ def modal_assurance(first: ComplexArray, second: ComplexArray) -> FloatArray:
 
 
 def compare_modes(
-    rotor: RotorMatrices, masters: Sequence[int], speed: float, bearings: Sequence[LinearBearing], modes: int
+    rotor: RotorMatrices,
+    masters: Sequence[int],
+    speed: float,
+    bearings: Sequence[LinearBearing],
+    modes: int,
+    max_damping_ratio: float = 0.5,
 ) -> ModalComparison:
-    """Compare the lowest ``modes`` oscillating modes at a speed [rad/s]; fewer if either rotor has fewer.
+    """Compare the lowest ``modes`` modes at a speed [rad/s]; fewer if either rotor has fewer.
 
-    Partners are chosen by the assignment with the largest sum of MAC values among the lowest ``2 modes``
-    condensed modes, so that two modes which change their order do not count as an error.
+    Modes damped beyond ``max_damping_ratio`` are left out: stiffness-proportional damping overdamps the
+    highest modes, and the gyroscopic effect then gives them a low frequency without meaning. Partners are
+    chosen by the assignment with the largest sum of MAC values among the lowest ``2 modes`` condensed modes,
+    so that two modes which change their order do not count as an error.
     """
     condensed = condense(rotor, masters)
-    full_modes = oscillating_modes(rotor, speed, bearings)
-    condensed_modes = oscillating_modes(condensed, speed, bearings)
-    count = min(modes, full_modes.eigenvalues.size, condensed_modes.eigenvalues.size)
-    candidates = min(2 * count, condensed_modes.eigenvalues.size)
+    candidates = oscillating_modes(condensed, speed, bearings).lightly_damped(max_damping_ratio, 2 * modes)
+    count = min(modes, candidates.eigenvalues.size)
+    full = oscillating_modes(rotor, speed, bearings).lightly_damped(max_damping_ratio, count)
 
-    full_shapes = translations(rotor, full_modes.shapes[:count]).reshape(count, -1)
-    condensed_shapes = translations(condensed, condensed_modes.shapes[:candidates]).reshape(candidates, -1)
-    mac = modal_assurance(full_shapes, condensed_shapes)
+    full_shapes = translations(rotor, full.shapes)
+    condensed_shapes = translations(condensed, candidates.shapes)
+    mac = modal_assurance(*(shapes.reshape(len(shapes), -1) for shapes in (full_shapes, condensed_shapes)))
     _, partner = linear_sum_assignment(mac, maximize=True)
-    lowest = Modes(full_modes.eigenvalues[:count], full_modes.shapes[:count])
-    partners = Modes(condensed_modes.eigenvalues[partner], condensed_modes.shapes[partner])
+    partners = Modes(candidates.eigenvalues[partner], candidates.shapes[partner])
     return ModalComparison(
-        full_frequency=lowest.damped_frequencies,
+        full_frequency=full.damped_frequencies,
         condensed_frequency=partners.damped_frequencies,
-        full_decrement=lowest.logarithmic_decrements,
+        full_decrement=full.logarithmic_decrements,
         condensed_decrement=partners.logarithmic_decrements,
         mac=mac[:, partner],
     )
@@ -97,6 +101,7 @@ def compare_condensation(
     unbalance: Mapping[int, complex],
     modal_index: int,
     modes: int = 8,
+    max_damping_ratio: float = 0.5,
 ) -> CondensationComparison:
     """Full against condensed rotor: modes at ``speeds[modal_index]`` and unbalance response over ``speeds``
     [rad/s].
@@ -109,7 +114,7 @@ def compare_condensation(
     at_modal_speed = [bearing.at(modal_index) for bearing in bearings]
     modal_speed = float(speeds[modal_index])
     return CondensationComparison(
-        modal=compare_modes(rotor, masters, modal_speed, at_modal_speed, modes),
+        modal=compare_modes(rotor, masters, modal_speed, at_modal_speed, modes, max_damping_ratio),
         modal_speed=modal_speed,
         speeds=np.asarray(speeds, dtype=np.float64),
         unbalance_full=unbalance_response(rotor, speeds, unbalance, bearings),

@@ -72,6 +72,11 @@ class Modes:
         """-2 pi Re lambda / Im lambda: logarithm of the ratio of consecutive maxima."""
         return -2.0 * np.pi * self.eigenvalues.real / self.eigenvalues.imag
 
+    def lightly_damped(self, max_damping_ratio: float, count: int) -> Modes:
+        """The lowest ``count`` modes whose damping ratio is below the bound; fewer if there are fewer."""
+        kept = np.flatnonzero(self.damping_ratios < max_damping_ratio)[:count]
+        return Modes(self.eigenvalues[kept], self.shapes[kept])
+
 
 @dataclass(frozen=True)
 class CriticalSpeeds:
@@ -142,14 +147,13 @@ def oscillating_modes(
 
 
 def translations(rotor: RotorMatrices | CondensedRotor, shapes: ComplexArray) -> ComplexArray:
-    """Displacements x, y of all nodes of the full rotor, (shapes, nodes, 2), from shapes (shapes, freedoms).
-    """
+    """Displacements x, y of all nodes of the full rotor, (shapes, nodes, 2), from shapes (shapes, freedoms)."""
     full = shapes @ rotor.transformation.T if isinstance(rotor, CondensedRotor) else shapes
     return full.reshape(full.shape[0], -1, NODE_FREEDOMS)[:, :, :2]
 
 
 def whirl_directions(displacements: ComplexArray) -> NDArray[np.int8]:
-    """+1 forward (x towards y), -1 backward, 0 planar, for shapes (shapes, nodes, 2) times exp(lambda t), Im
+    """+1 forward (x to y), -1 backward, 0 planar, for shapes (shapes, nodes, 2) times exp(lambda t), Im
     lambda > 0.
 
     The sign is that of the area which the nodes' ellipses enclose together, Im(x y*) summed; it is compared

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from pipelines.case.models import Disc, Element, Material, Rotor, Support
+from pipelines.case.models import Disc, Element, Material, Rotor
 from pipelines.machine.shaft import (
     assemble_rotor,
     cowper_shear_coefficient,
@@ -22,7 +22,7 @@ STEEL = Material(young_modulus=206e9, density=7850.0, poisson_ratio=0.3)
 
 
 def assert_same_matrix(actual, expected, reference_diagonal):
-    """Compare every entry with 1e-12 of the geometric mean of its two diagonal entries, which removes the units."""
+    """Every entry to 1e-12 of the geometric mean of its two diagonal entries, which removes the units."""
     scale = np.sqrt(np.outer(reference_diagonal, reference_diagonal))
     assert np.max(np.abs(actual - expected) / scale) < 1e-12
 
@@ -83,12 +83,15 @@ def test_one_element_gives_the_exact_cantilever():
 def pinned_frequencies(elements: int, modes: int, diameter: float) -> np.ndarray:
     """Lowest frequencies in the x-z plane of a pinned steel bar of 0.5 m made of equal elements [rad/s]."""
     rotor = Rotor(
-        elements=(Element(length=0.5 / elements, outer_diameter=diameter, count=elements),), masters=(0, elements)
+        elements=(Element(length=0.5 / elements, outer_diameter=diameter, count=elements),),
+        masters=(0, elements),
     )
     matrices = assemble_rotor(rotor)
     kept = np.sort(np.concatenate((np.arange(4, 4 * elements, 4), np.arange(3, 4 * elements + 4, 4))))
     in_plane = np.ix_(kept, kept)
-    return np.sqrt(linalg.eigh(matrices.stiffness[in_plane], matrices.mass[in_plane], eigvals_only=True)[:modes])
+    return np.sqrt(
+        linalg.eigh(matrices.stiffness[in_plane], matrices.mass[in_plane], eigvals_only=True)[:modes]
+    )
 
 
 def exact_pinned_frequencies(modes: int, diameter: float) -> np.ndarray:
@@ -107,8 +110,8 @@ def exact_pinned_frequencies(modes: int, diameter: float) -> np.ndarray:
     [
         # a slender bar: cubic deflections
         (0.001, 4.0, 1e-5),
-        # a stubby bar, Phi = 6 ... 90: shear makes the slope of an element a parabola fixed by statics, which follows
-        # the inertia forces to second order only; still the exact Timoshenko frequencies in the limit
+        # a stubby bar, Phi = 6 ... 90: the slope in an element is fixed by statics and follows the inertia
+        # forces to second order only; still the exact Timoshenko frequencies in the limit
         (0.1, 2.0, 2e-3),
     ],
 )
@@ -118,38 +121,6 @@ def test_pinned_bar_converges_to_timoshenko(diameter, order, largest_error):
     assert np.all(errors > 0)  # a conforming element with consistent mass is too stiff
     np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), order, atol=0.2)
     assert errors[-1, 2] < largest_error
-
-
-@pytest.fixture
-def stepped_rotor() -> Rotor:
-    """Three materials, a hollow part, discs, and supports with every coefficient different."""
-    return Rotor(
-        materials={
-            "steel": STEEL,
-            "hot steel": Material(young_modulus=160e9, density=7800.0, shear_modulus=61e9),
-            "titanium": Material(young_modulus=113.8e9, density=4430.0, poisson_ratio=0.342),
-        },
-        elements=(
-            Element(length=0.03, outer_diameter=0.02, count=3),
-            Element(length=0.05, outer_diameter=0.03, inner_diameter=0.02, material="hot steel"),
-            Element(length=0.02, outer_diameter=0.025, material="titanium", count=2),
-        ),
-        discs=(
-            Disc(node=0, mass=0.4, diametral_inertia=3e-4, polar_inertia=5e-4),
-            Disc(node=4, mass=0.2, diametral_inertia=1e-4, polar_inertia=1.5e-4),
-        ),
-        supports=(
-            Support(
-                node=1, stiffness_xx=1e6, stiffness_yy=2e6, stiffness_xy=3e5, stiffness_yx=-4e5,
-                damping_xx=50.0, damping_yy=60.0,
-            ),
-            Support(node=5, stiffness_xx=5e6, stiffness_yy=6e6),
-        ),
-        masters=(0, 3, 6),
-        rayleigh_mass=2.0,
-        rayleigh_stiffness=1e-5,
-        gravity=9.81,
-    )
 
 
 def free(rotor: Rotor) -> Rotor:
@@ -194,12 +165,19 @@ def test_rigid_motions_see_the_bodys_mass_and_inertia_and_no_stiffness(stepped_r
     matrices = assemble_rotor(rotor)
     motions = rigid_motions(matrices.node_position, about=0.0)
     mass, moment, diametral, polar = rigid_body_inertia(rotor)
-    expected_mass = [[mass, 0, moment, 0], [0, mass, 0, -moment], [moment, 0, diametral, 0], [0, -moment, 0, diametral]]
+    expected_mass = [
+        [mass, 0, moment, 0],
+        [0, mass, 0, -moment],
+        [moment, 0, diametral, 0],
+        [0, -moment, 0, diametral],
+    ]
     np.testing.assert_allclose(motions.T @ matrices.mass @ motions, expected_mass, rtol=1e-12, atol=1e-14)
     # H = I_p Omega e: tilting about y turns it about x, G(alpha, beta) = I_p
     expected_gyroscopic = np.zeros((4, 4))
     expected_gyroscopic[3, 2], expected_gyroscopic[2, 3] = polar, -polar
-    np.testing.assert_allclose(motions.T @ matrices.gyroscopic @ motions, expected_gyroscopic, rtol=1e-12, atol=1e-16)
+    np.testing.assert_allclose(
+        motions.T @ matrices.gyroscopic @ motions, expected_gyroscopic, rtol=1e-12, atol=1e-16
+    )
     assert np.max(np.abs(matrices.stiffness @ motions)) < 1e-12 * np.max(matrices.stiffness)
 
 

@@ -7,8 +7,9 @@ dependency here: install it into a virtual environment of its own and run this s
     /tmp/ross/bin/pip install ross-rotordynamics==2.3.0 "plotly<6"
     /tmp/ross/bin/python tests/reference/make_ross_fixture.py
 
-The file keeps the lateral part of ROSS's matrices (its axial and torsional rows are dropped): degrees of freedom
-x, y, alpha, beta per node. Numbers are written with repr precision, so the tests may ask for rounding error.
+The file keeps the lateral part of ROSS's matrices (its axial and torsional rows are dropped): degrees of
+freedom x, y, alpha, beta per node. Numbers are written with repr precision, so the tests may ask for rounding
+error.
 """
 
 from __future__ import annotations
@@ -51,7 +52,11 @@ DISCS = {
 
 def ross_material(name: str) -> ross.Material:
     values = MATERIALS[name]
-    extra = {"G_s": values["shear_modulus"]} if "shear_modulus" in values else {"Poisson": values["poisson_ratio"]}
+    extra = (
+        {"G_s": values["shear_modulus"]}
+        if "shear_modulus" in values
+        else {"Poisson": values["poisson_ratio"]}
+    )
     return ross.Material(name=name, rho=values["density"], E=values["young_modulus"], **extra)
 
 
@@ -89,7 +94,7 @@ def disc_record(name: str) -> dict[str, object]:
 
 def main() -> None:
     fixture = {
-        "made_by": f"ross-rotordynamics {version('ross-rotordynamics')}, tests/reference/make_ross_fixture.py",
+        "made_by": f"ross-rotordynamics {version('ross-rotordynamics')}, make_ross_fixture.py",
         "elements": [element_record(name) for name in ELEMENTS],
         "discs": [disc_record(name) for name in DISCS],
     }
