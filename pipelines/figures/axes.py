@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,7 +23,7 @@ class Scales:
     rpm: float  # of a rotating speed [rev/min]
     hertz: float  # of a frequency [Hz]
     micrometres: float  # of a displacement [um]
-    seconds: float  # of a time [s]
+    stiffness: float  # of an areal stiffness [GN/m3]
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class ParameterAxis:
 
     symbol: str
     title: str
-    dimensional: str | None  # name of its field in Scales, where it has a dimensional twin
+    scale: Literal["rpm", "hertz", "micrometres", "stiffness"]  # field of Scales
     dimensional_label: str
 
     @property
@@ -49,19 +49,19 @@ PARAMETER_AXES = {
     "displacement": ParameterAxis(
         r"$\bar{\delta}$", "ring displacement", "micrometres", "ring displacement [µm]"
     ),
-    "foil_stiffness": ParameterAxis(r"$\bar{k}_f$", "foil stiffness", None, ""),
+    "foil_stiffness": ParameterAxis(r"$\bar{k}_f$", "foil stiffness", "stiffness", "foil stiffness [GN/m³]"),
 }
 
 
 def add_parameter_axis(
     axes: Axes, parameter: str, scales: Scales, bottom: bool = True, top: bool = True
 ) -> None:
-    """Label the x axis with a parameter, and the top with its dimensional twin where it has one."""
+    """Label the x axis with a parameter, and the top with its dimensional twin."""
     axis = PARAMETER_AXES[parameter]
     if bottom:
         axes.set_xlabel(axis.label)
-    if top and axis.dimensional is not None:
-        add_top(axes, getattr(scales, axis.dimensional), axis.dimensional_label)
+    if top:
+        add_top(axes, float(getattr(scales, axis.scale)), axis.dimensional_label)
 
 
 def add_top(axes: Axes, factor: float, label: str) -> None:

@@ -58,7 +58,13 @@ def _draw_bars(axes: Axes, full: FloatArray, condensed: FloatArray, label: str, 
             if np.isfinite(exact) and np.isfinite(approximate) and exact != 0.0:
                 percent = 100.0 * (approximate / exact - 1.0)
                 axes.text(
-                    mode, max(exact, approximate), f"{percent:+.2g} %", ha="center", va="bottom", fontsize=6
+                    mode,
+                    max(exact, approximate),
+                    f" {percent:+.2g} %",
+                    ha="center",
+                    va="bottom",
+                    fontsize=6.5,
+                    rotation=90,
                 )
     axes.axhline(0.0, color="#333333", linewidth=0.6)
     axes.grid(False, axis="x")
@@ -70,7 +76,7 @@ def _draw_bars(axes: Axes, full: FloatArray, condensed: FloatArray, label: str, 
 def _draw_assurance(axes: Axes, criticals: Table) -> None:
     """Modal assurance criterion: one on the diagonal where both rotors have the same modes."""
     assurance = criticals["mac"]
-    image = axes.imshow(assurance, vmin=0.0, vmax=1.0, cmap="Blues", origin="lower")
+    image = axes.imshow(assurance, vmin=0.0, vmax=1.0, cmap="Blues", origin="lower", aspect="auto")
     axes.grid(False)
     for row, column in np.ndindex(*assurance.shape):
         value = float(assurance[row, column])

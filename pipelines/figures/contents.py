@@ -32,10 +32,9 @@ class Table:
     def __contains__(self, name: str) -> bool:
         return name in self.arrays
 
-    def attribute(self, name: str) -> float:
-        """A number kept as an attribute, NaN where it is absent or null."""
-        value = self.attributes.get(name)
-        return float("nan") if value is None else float(value)
+    def optional(self, name: str) -> NDArray[Any]:
+        """The array of this name, an empty one where the group has none."""
+        return self.arrays.get(name, np.zeros(0))
 
 
 @dataclass(frozen=True)

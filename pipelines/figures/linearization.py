@@ -36,9 +36,8 @@ def draw_linearization(case: CaseView, linear: Table) -> Figure:
     instability = instability_speed(linear)
     title = f"{case.name}: equilibria along the rotating speed"
     if np.isfinite(instability):
-        title += (
-            rf", unstable at $\bar{{\Omega}}$ = {instability:.4f} ({case.scales.rpm * instability:.0f} rpm)"
-        )
+        rpm = case.scales.rpm * instability
+        title += rf", instability at $\bar{{\Omega}}$ = {instability:.4f} ({rpm:.0f} rpm)"
     return style.finish(figure, title, case.note)
 
 
@@ -67,9 +66,9 @@ def _draw_eigenvalues(growth: Axes, frequency: Axes, linear: Table) -> None:
 
 
 def instability_speed(linear: Table) -> float:
-    """The lowest located instability speed, NaN where none was found."""
-    speeds = linear.arrays.get("instability_speed", np.zeros(0))
-    return float(np.nanmin(speeds)) if np.isfinite(speeds).any() else float("nan")
+    """The located instability speed, NaN where none was found."""
+    located = linear.attributes.get("instability_speed")
+    return float("nan") if located is None else float(located)
 
 
 def _draw_locus(axes: Axes, case: CaseView, linear: Table) -> None:

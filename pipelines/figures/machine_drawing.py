@@ -16,6 +16,7 @@ MATERIAL_COLOURS = ("#B8C4CE", "#E8C896", "#A9CDB5", "#D8B4C8", "#C9C1A6", "#9FB
 DISC_COLOUR, BEARING_COLOUR = "#8C99A6", "#F2F2F2"
 LEAST_DISC_WIDTH = 0.012  # of the rotor length: a disc has no width in the model, it is drawn as a thin plate
 HOUSING = 0.55  # height of a bearing block over the journal radius
+MOST_NUMBERED = 40  # with more nodes than this only the masters are numbered
 MILLIMETRES = 1e3
 
 
@@ -38,29 +39,33 @@ def draw_machine(case: CaseView) -> Figure:
     _draw_nodes(axes, machine, position, reach)
     _draw_span(axes, machine, position, reach)
     axes.set_xlim(position[0] - 0.04 * length, position[-1] + 0.04 * length)
-    axes.set_ylim(-1.75 * reach, 1.55 * reach)
+    axes.set_ylim(-1.6 * reach, 1.55 * reach)
     axes.set_aspect("equal")
     axes.set(xlabel="along the rotor [mm]", ylabel="radius [mm]")
     axes.set_yticks([-reach, 0.0, reach], [f"{reach:.3g}", "0", f"{reach:.3g}"])
-    style.legend_below(figure, _legend(machine), 6)
+    style.legend_below(figure, _legend(machine), 4)
     return style.finish(figure, f"{case.name}: rotor and bearings to scale", case.note)
 
 
 def _reach(machine: Table) -> float:
     """Largest radius of anything drawn [mm]."""
     bearings = (1.0 + HOUSING) * machine["bearing_radius"]
-    diameters = [machine["element_outer_diameter"], machine["disc_equivalent_diameter"]]
+    diameters = [machine["element_outer"], machine.optional("disc_diameter_equivalent")]
     return MILLIMETRES * max(float(np.max(bearings)), *(0.5 * float(np.max(d)) for d in diameters if len(d)))
 
 
+def material_colour(index: int) -> str:
+    """Colour of a material, from its place among the materials of the rotor."""
+    return MATERIAL_COLOURS[index % len(MATERIAL_COLOURS)]
+
+
 def _draw_elements(axes: Axes, machine: Table, position: NDArray[np.float64]) -> None:
-    names = list(dict.fromkeys(machine["element_material"].tolist()))
     for element, (start, length) in enumerate(
         zip(position[:-1], MILLIMETRES * machine["element_length"], strict=True)
     ):
-        colour = MATERIAL_COLOURS[names.index(machine["element_material"][element]) % len(MATERIAL_COLOURS)]
-        outer = 0.5 * MILLIMETRES * float(machine["element_outer_diameter"][element])
-        inner = 0.5 * MILLIMETRES * float(machine["element_inner_diameter"][element])
+        colour = material_colour(int(machine["element_material"][element]))
+        outer = 0.5 * MILLIMETRES * float(machine["element_outer"][element])
+        inner = 0.5 * MILLIMETRES * float(machine["element_inner"][element])
         _box(axes, start, length, -outer, outer, colour, zorder=2)
         if inner > 0.0:
             _box(axes, start, length, -inner, inner, "white", zorder=2.5)
@@ -68,7 +73,9 @@ def _draw_elements(axes: Axes, machine: Table, position: NDArray[np.float64]) ->
 
 def _draw_discs(axes: Axes, machine: Table, position: NDArray[np.float64]) -> None:
     width = LEAST_DISC_WIDTH * float(position[-1] - position[0])
-    for node, diameter in zip(machine["disc_node"], machine["disc_equivalent_diameter"], strict=True):
+    for node, diameter in zip(
+        machine.optional("disc_node"), machine.optional("disc_diameter_equivalent"), strict=True
+    ):
         radius = 0.5 * MILLIMETRES * float(diameter)
         _box(axes, position[node] - 0.5 * width, width, -radius, radius, DISC_COLOUR, zorder=3)
 
@@ -91,9 +98,11 @@ def _draw_bearing(axes: Axes, machine: Table, bearing: int) -> None:
 
 
 def _draw_supports(axes: Axes, machine: Table, position: NDArray[np.float64], reach: float) -> None:
-    for node in machine["support_node"]:
-        x, size = float(position[node]), 0.25 * reach
-        corners = [(x, -0.75 * reach), (x - size, -0.75 * reach - size), (x + size, -0.75 * reach - size)]
+    outer = MILLIMETRES * machine["element_outer"]
+    for node in machine.optional("support_node"):
+        x, size = float(position[node]), 0.22 * reach
+        top = -0.5 * float(outer[min(node, len(outer) - 1)])
+        corners = [(x, top), (x - size, top - 1.4 * size), (x + size, top - 1.4 * size)]
         axes.add_patch(
             Polygon(corners, closed=True, facecolor="white", edgecolor="#333333", linewidth=0.8, zorder=3)
         )
@@ -113,6 +122,8 @@ def _draw_nodes(axes: Axes, machine: Table, position: NDArray[np.float64], reach
             markerfacecolor=style.VERMILION if master else "white",
             markeredgecolor="#333333",
         )
+        if len(position) > MOST_NUMBERED and not master:
+            continue
         axes.annotate(
             str(node),
             (x, -1.08 * reach),
@@ -164,17 +175,18 @@ def _box(
 
 
 def _legend(machine: Table) -> list[Line2D | Patch]:
-    names = list(dict.fromkeys(machine["element_material"].tolist()))
+    names = machine.attributes.get("material_names", [])
+    used = sorted({int(index) for index in machine["element_material"]})
     handles: list[Line2D | Patch] = [
         Patch(
-            facecolor=MATERIAL_COLOURS[i % len(MATERIAL_COLOURS)],
+            facecolor=material_colour(index),
             edgecolor="#333333",
             linewidth=0.6,
-            label=str(name),
+            label=str(names[index]) if index < len(names) else f"material {index}",
         )
-        for i, name in enumerate(names)
+        for index in used
     ]
-    if len(machine["disc_node"]):
+    if len(machine.optional("disc_node")):
         handles.append(
             Patch(facecolor=DISC_COLOUR, edgecolor="#333333", linewidth=0.6, label="disc (equal mass)")
         )

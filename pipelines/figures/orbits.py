@@ -96,8 +96,12 @@ def _draw_minimum_film(axes: Axes, branch: Table, point: int, bearing: int, look
 
 
 @style.in_style
-def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: int) -> Figure:
-    """Axial mean pressure, foil displacement and film thickness around each bearing, at some instants."""
+def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: int | None = None) -> Figure:
+    """Axial mean pressure, foil displacement and film thickness around each bearing, at some instants.
+
+    Of the last stable cycle, unless another ``point`` of the branch is asked for.
+    """
+    point = last_stable_point(branch) if point is None else point
     figure = style.new_figure(6.4)
     panels = figure.subplots(3, case.bearings, squeeze=False, sharex=True, sharey="row")
     rows = (

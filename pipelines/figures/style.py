@@ -125,6 +125,10 @@ def finish(figure: Figure, title: str, note: str = "") -> Figure:
                 in_layout=False,
             )
         )
+    # The layout is settled once: every further drawing would move things by a fraction of a pixel, and the
+    # bytes of one format would depend on the formats saved before.
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
     return figure
 
 

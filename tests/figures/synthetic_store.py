@@ -2,33 +2,39 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.datasets.branch import open_branch, write_group
+from pipelines.datasets.schema import KINDS
+from pipelines.datasets.store import Store, create_store
+
 Arrays = dict[str, NDArray[Any]]
 
 MASTERS = np.array([0, 2, 4, 7, 10, 12, 14])
+PARTS = ("machine", "linear", "criticals", "cycles")
 SAMPLES, SNAPSHOTS, THETAS, STATES, MULTIPLIERS = 64, 8, 41, 40, 12
 
 
 def machine(hollow: bool = False) -> Arrays:
     """A shaft of 14 elements with a disc at each end and bearings at nodes 2 and 12."""
     length = np.full(14, 0.360 / 14)
-    material = np.array(["steel"] * 14, dtype="<U12")
+    material = np.zeros(14, dtype=np.int32)
     inner = np.zeros(14)
     if hollow:
-        material[5:9], inner[5:9] = "titanium", 0.008
+        material[5:9], inner[5:9] = 1, 0.008
     return {
         "node_position": np.concatenate([[0.0], np.cumsum(length)]),
         "element_length": length,
-        "element_outer_diameter": np.full(14, 0.0176),
-        "element_inner_diameter": inner,
+        "element_outer": np.full(14, 0.0176),
+        "element_inner": inner,
         "element_material": material,
         "disc_node": np.array([0, 14]),
         "disc_mass": np.array([0.079, 0.079]),
-        "disc_equivalent_diameter": np.array([0.054, 0.054]),
+        "disc_diameter_equivalent": np.array([0.054, 0.054]),
         "bearing_node": np.array([2, 12]),
         "bearing_length": np.array([0.0161, 0.0161]),
         "bearing_radius": np.array([0.014, 0.014]),
@@ -72,14 +78,13 @@ def linear(points: int = 41) -> Arrays:
         "journal": journal,
         "minimum_film": 0.95 - np.hypot(journal[..., 0], journal[..., 1]),
         "eigenvalues": eigenvalues,
-        "instability_speed": np.array([1.078]),
         "bearing_stiffness": stiffness,
         "bearing_damping": damping,
     }
 
 
 def criticals() -> Arrays:
-    """Six modes, four critical speeds, their shapes, resonances to order three, full against condensed rotor."""
+    """Six modes, five critical speeds, their shapes, resonances to order three, full and condensed rotor."""
     speed = np.linspace(0.05, 1.4, 40)
     start, slope = (
         np.array([0.31, 0.33, 0.62, 0.68, 1.35, 1.38]),
@@ -123,8 +128,8 @@ def criticals() -> Arrays:
         "critical_direction": np.array([1, 2, 0, 1, 0], dtype=np.int8),
         "critical_mode_shape": shapes,
         "resonance_frequency": table[:, 0],
-        "resonance_j": table[:, 1].astype(int),
-        "resonance_k": table[:, 2].astype(int),
+        "resonance_j": table[:, 1].astype(int) + 1,
+        "resonance_k": table[:, 2].astype(int) + 1,
         "resonance_order": table[:, 3].astype(int),
         "resonance_kind": table[:, 4].astype(np.int8),
         "full_frequency": full,
@@ -171,7 +176,12 @@ def cycles(points: int = 40) -> tuple[Arrays, list[dict[str, Any]]]:
         "period": np.full(points, 2 * np.pi / 0.7),
         "state": np.outer(speed, np.ones(STATES)),
         "multipliers": multipliers,
-        "multiplier_count": np.full(points, MULTIPLIERS),
+        "multiplier_residual": np.full((points, MULTIPLIERS), 1e-9),
+        "multiplier_count": np.full(points, 8),
+        "step": np.full(points, 0.02),
+        "direction": np.ones(points, dtype=np.int8),
+        "newton_iterations": np.full(points, 4),
+        "steps_per_period": np.full(points, 1500),
         "unstable_count": unstable,
         "orbit": orbit,
         "orbit_minimum": orbit.min(axis=1),
@@ -183,7 +193,7 @@ def cycles(points: int = 40) -> tuple[Arrays, list[dict[str, Any]]]:
         "film_thickness": 1 - bump + foil,
         "theta": theta,
     }
-    return arrays, [event for event in events if event["after_point"] < points - 1]
+    return arrays, [event for event in events if event["event_after_point"] < points - 1]
 
 
 def _multipliers(speed: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.int64]]:
@@ -207,13 +217,75 @@ def _event(kind: str, value: float, speed: NDArray[np.float64], multiplier: comp
     if kind == "period_doubling":
         multipliers[1] = 0.6
     return {
-        "kind": kind,
-        "after_point": int(np.searchsorted(speed, value)) - 1,
-        "speed": value,
-        "excitation_frequency": 0.7,
-        "displacement": 0.2,
-        "foil_stiffness": 10.0,
-        "state": np.full(STATES, value),
-        "multipliers": multipliers,
-        "angle": float(np.angle(multiplier)),
+        "event_kind": KINDS["cycles"].array("event_kind").flag(kind),
+        "event_after_point": int(np.searchsorted(speed, value)) - 1,
+        "event_speed": value,
+        "event_excitation_frequency": 0.7,
+        "event_displacement": 0.2,
+        "event_foil_stiffness": 10.0,
+        "event_period": 2 * np.pi / 0.7,
+        "event_state": np.full(STATES, value),
+        "event_multipliers": multipliers,
+        "event_angle": float(np.angle(multiplier)),
+        "event_transversality": 0.5,
+        "event_resonance": 0,
+        "event_residual": 1e-11,
     }
+
+
+SCALES = {
+    "time": 5.16e-4,
+    "displacement": 20.4e-6,
+    "pressure": 101325.0,
+    "speed_rpm_per_unit": 60 / (2 * np.pi * 5.16e-4),
+    "hertz_per_unit": 1 / (2 * np.pi * 5.16e-4),
+}
+ATTRIBUTES: dict[str, dict[str, Any]] = {
+    "machine": {"material_names": ["steel", "titanium"]},
+    "linear": {"instability_speed": 1.078},
+    "criticals": {},
+}
+NOTE = "Invented numbers that only test the drawing."
+
+
+def make_store(path: Path, points: int = 40, *, parts: tuple[str, ...] = PARTS, note: str = NOTE) -> Store:
+    """A store of one case ``kb10`` with the chosen parts and a branch of ``points`` points."""
+    case = {"name": "kb10", "parameters": {}, "scales": SCALES, "reconstruction": note}
+    store = create_store(
+        path, {"kb10": case}, {"configuration": {}, "configuration_hash": "0"}, durable=False
+    )
+    for kind, arrays in (("machine", machine()), ("linear", linear()), ("criticals", criticals())):
+        if kind in parts:
+            write_group(store, f"cases/kb10/{kind}", kind, arrays, ATTRIBUTES[kind])
+    if "cycles" in parts:
+        write_branch(store, "cases/kb10/cycles/b000", points)
+    return store
+
+
+def write_branch(store: Store, group: str, points: int) -> None:
+    """A branch over the speed, left running after ``points`` of 60 points."""
+    rows, events = cycles(points)
+    theta = rows.pop("theta")
+    sizes = {
+        "point": 60,
+        "event": 8,
+        "component": STATES,
+        "multiplier": MULTIPLIERS,
+        "sample": SAMPLES,
+        "bearing": 2,
+    }
+    sizes |= {"coordinate": 2 * len(MASTERS), "snapshot": SNAPSHOTS, "theta": THETAS}
+    static = {
+        "theta": theta,
+        "sample": np.arange(SAMPLES) / SAMPLES,
+        "snapshot": np.arange(SNAPSHOTS) / SNAPSHOTS,
+        "coordinate_node": np.repeat(MASTERS, 2),
+        "coordinate_axis": np.tile([0, 1], len(MASTERS)),
+    }
+    attributes = {"parameter": "speed", "formulation": "stroboscopic"}
+    with open_branch(store, group, "cycles", sizes, static, attributes) as writer:
+        for point in range(points):
+            row = {name: values[point] for name, values in rows.items()}
+            writer.commit(
+                row, {"basis_columns": 8}, [e for e in events if e["event_after_point"] == point - 1]
+            )

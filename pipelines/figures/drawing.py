@@ -1,0 +1,188 @@
+"""All figures of a store: which there are, what each of them needs, and where their files go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+
+from matplotlib.figure import Figure
+
+from pipelines.datasets.reading import case_attributes, list_cases, list_groups, read_group
+from pipelines.datasets.store import Store, open_for_reading
+from pipelines.figures import style
+from pipelines.figures.axes import PARAMETER_AXES, Scales
+from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram
+from pipelines.figures.campbell import draw_campbell
+from pipelines.figures.condensation import draw_condensation
+from pipelines.figures.contents import CaseView, MissingDataError, Table
+from pipelines.figures.linearization import draw_linearization
+from pipelines.figures.machine_drawing import draw_machine
+from pipelines.figures.multipliers import draw_multipliers
+from pipelines.figures.orbits import draw_film, draw_orbits
+
+Report = Callable[[str], None]
+
+# Figure: kind of the group it is drawn from.
+FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
+    {
+        "machine": "machine",
+        "linearization": "linear",
+        "campbell": "criticals",
+        "condensation": "criticals",
+        "bifurcation": "cycles",
+        "multipliers": "cycles",
+        "orbits": "cycles",
+        "film": "cycles",
+    }
+)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One figure still to be drawn: the stem of its file and the call that draws it."""
+
+    kind: str
+    stem: str
+    draw: Callable[[], Figure]
+
+
+def draw_figures(
+    store: Store | Path | str,
+    output_folder: Path | str,
+    formats: Sequence[str] = ("png",),
+    cases: str = "*",
+    kinds: Collection[str] | None = None,
+    report: Report | None = None,
+) -> list[Path]:
+    """Draw the figures of a store and give the files written, ``<output_folder>/<case>/<figure>.<format>``.
+
+    ``cases`` is a glob over case ids; ``kinds`` chooses among ``FIGURE_KINDS`` (all when None). A figure
+    whose data are not in the store is left out and ``report`` is told why; one whose branch has no point
+    yet says so in the picture. The store may still be written meanwhile.
+
+    Raises ValueError for an unknown format or figure or a glob that no case matches, StoreError for a store
+    that cannot be read, OSError where the files cannot be written.
+    """
+    _refuse_unknown("format", formats, style.FORMATS)
+    _refuse_unknown("figure", kinds or (), tuple(FIGURE_KINDS))
+    opened = store if isinstance(store, Store) else open_for_reading(store)
+    known = list_cases(opened)
+    chosen = [case for case in known if fnmatchcase(case, cases)]
+    if not chosen:
+        raise ValueError(f"no case matches {cases!r}; the store holds {', '.join(known) or 'no case'}")
+    tell = report if report is not None else _say_nothing
+    written: list[Path] = []
+    for case in chosen:
+        for plan in _plans(opened, case, kinds or tuple(FIGURE_KINDS), tell):
+            try:
+                figure = plan.draw()
+            except MissingDataError as missing:
+                tell(f"{case}: {plan.stem} is left out: {missing}")
+                continue
+            for suffix in formats:
+                path = Path(output_folder) / case / f"{plan.stem}.{suffix}"
+                written.append(style.save_figure(figure, path))
+    return written
+
+
+def _say_nothing(message: str) -> None:
+    """A report that nobody reads."""
+
+
+def _refuse_unknown(what: str, given: Collection[str], allowed: Sequence[str]) -> None:
+    if unknown := [name for name in given if name not in allowed]:
+        raise ValueError(f"unknown {what} {', '.join(unknown)}; allowed are {', '.join(allowed)}")
+
+
+def _plans(store: Store, case: str, kinds: Collection[str], tell: Report) -> list[Plan]:
+    """The figures of a case, in the order of ``FIGURE_KINDS``; tells which groups are not there."""
+    groups = list_groups(store, case)
+    tables = {name: _table(store, name) for name in groups if _kind(name) in {FIGURE_KINDS[k] for k in kinds}}
+    view = _case_view(store, case, groups)
+    held = {_kind(name) for name in tables}
+    for kind in (kind for kind in FIGURE_KINDS if kind in kinds and FIGURE_KINDS[kind] not in held):
+        tell(f"{case}: {kind} is left out: the store has no group {FIGURE_KINDS[kind]!r} for this case")
+    plans = [plan for name, table in tables.items() for plan in _single_plans(view, _kind(name), table)]
+    branches = {name.rsplit("/", 1)[1]: table for name, table in tables.items() if _kind(name) == "cycles"}
+    plans += [*_bifurcation_plans(view, branches), *_branch_plans(view, branches)]
+    order = list(FIGURE_KINDS)
+    return sorted((plan for plan in plans if plan.kind in kinds), key=lambda plan: order.index(plan.kind))
+
+
+def _kind(group: str) -> str:
+    """Kind of a group from its path: cases/kb10/cycles/b000 holds cycles."""
+    return group.split("/")[2]
+
+
+def _table(store: Store, name: str) -> Table:
+    group = read_group(store, name)
+    return Table(group.labelled(), group.attributes)
+
+
+def _case_view(store: Store, case: str, groups: Collection[str]) -> CaseView:
+    attributes = case_attributes(store, case)
+    machine = f"cases/{case}/machine"
+    return CaseView(
+        name=str(attributes.get("name") or case),
+        note=str(attributes.get("reconstruction") or ""),
+        scales=_scales(attributes["scales"]),
+        machine=_table(store, machine) if machine in groups else Table({}),
+    )
+
+
+def _scales(stored: Mapping[str, float]) -> Scales:
+    """Scales of the axes from those of the case, which are in SI units."""
+    return Scales(
+        rpm=stored["speed_rpm_per_unit"],
+        hertz=stored["hertz_per_unit"],
+        micrometres=1e6 * stored["displacement"],
+        stiffness=1e-9 * stored["pressure"] / stored["displacement"],
+    )
+
+
+def _single_plans(view: CaseView, kind: str, table: Table) -> list[Plan]:
+    """Figures of a group that a case has once."""
+    if kind == "machine":
+        return [Plan("machine", "machine", partial(draw_machine, view))]
+    if kind == "criticals":
+        return [
+            Plan("campbell", "campbell", partial(draw_campbell, view, table)),
+            Plan("condensation", "condensation", partial(draw_condensation, view, table)),
+        ]
+    if kind == "linear":
+        draw = partial(draw_linearization, view, table)
+        return [Plan("linearization", "linearization", draw if len(table["speed"]) else _nothing_yet(view))]
+    return []
+
+
+def _bifurcation_plans(view: CaseView, branches: Mapping[str, Table]) -> list[Plan]:
+    """One diagram for all branches along the same parameter."""
+    plans = []
+    for parameter in PARAMETER_AXES:
+        along = [branch for branch in branches.values() if branch.attributes.get("parameter") == parameter]
+        started = [branch for branch in along if len(branch["speed"])]
+        draw = partial(draw_bifurcation_diagram, view, parameter, started) if started else _nothing_yet(view)
+        if along:
+            plans.append(Plan("bifurcation", f"bifurcation-{parameter}", draw))
+    return plans
+
+
+def _branch_plans(view: CaseView, branches: Mapping[str, Table]) -> list[Plan]:
+    """Figures of every single branch."""
+    plans = []
+    for name, branch in branches.items():
+        parameter = str(branch.attributes["parameter"])
+        for kind, draw in (("multipliers", draw_multipliers), ("orbits", draw_orbits), ("film", draw_film)):
+            started = len(branch["speed"]) > 0
+            call = partial(draw, view, parameter, branch, name) if started else _nothing_yet(view, name)
+            plans.append(Plan(kind, f"{kind}-{name}", call))
+    return plans
+
+
+def _nothing_yet(view: CaseView, branch: str = "") -> Callable[[], Figure]:
+    title = f"{view.name}: branch {branch}" if branch else view.name
+    return partial(style.placeholder, title, "no points yet", view.note)
