@@ -45,6 +45,11 @@ class Explanation:
     message: str
     hint: str = ""
 
+    @property
+    def text(self) -> str:
+        """What is written on stderr."""
+        return f"error: {self.message}" + (f"\nhint: {self.hint}" if self.hint else "")
+
 
 _FULL = {
     errno.ENOSPC: "no space left on the disk",
@@ -70,7 +75,7 @@ def explain(error: BaseException) -> Explanation:
         return Explanation(ExitCode.USAGE, str(error), error.hint)
     if _is_from(error, "pipelines.case.reading", "CaseError"):
         return Explanation(ExitCode.USAGE, str(error))
-    if _is_from(error, "pipelines.datasets.errors", "StoreError"):
+    if _is_from(error, "pipelines.datasets.store", "StoreError"):
         return _explain_store_error(error)
     if isinstance(error, MemoryError):
         return Explanation(
@@ -90,12 +95,9 @@ def explain(error: BaseException) -> Explanation:
 
 
 def _explain_store_error(error: BaseException) -> Explanation:
-    # A write that the system refused for want of room is not the store's fault.
-    cause = error.__cause__
-    refused = isinstance(cause, OSError) and cause.errno in (*_FULL, *_EXHAUSTED)
     place = f"{path}: " if (path := getattr(error, "path", None)) else ""
     message, advice = getattr(error, "message", str(error)), getattr(error, "advice", "")
-    return Explanation(ExitCode.RESOURCES if refused else ExitCode.STORE, place + message, advice)
+    return Explanation(ExitCode.STORE, place + message, advice)
 
 
 def _explain_system_error(error: OSError) -> Explanation:
@@ -148,7 +150,5 @@ def explained(console: Console) -> Iterator[None]:
         if console.traceback:
             console.error("".join(traceback.format_exception(error)).rstrip())
         explanation = explain(error)
-        console.error(f"error: {explanation.message}")
-        if explanation.hint:
-            console.error(f"hint: {explanation.hint}")
+        console.error(explanation.text)
         raise typer.Exit(explanation.code) from None

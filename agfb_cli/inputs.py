@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 from pathlib import Path
 
 from agfb_cli.errors import UsageError
@@ -15,7 +16,7 @@ def read_configuration(path: Path) -> str:
 
     Raises UsageError when there is no such file, or it is a directory, unreadable, too large or not text.
     """
-    if path.is_dir():
+    if os.path.isdir(path):  # pathlib would raise for a name that is too long
         raise UsageError(f"{path}: is a directory, a TOML file is needed", _configurations_in(path))
     try:
         with path.open("rb") as file:
@@ -73,3 +74,9 @@ def _configurations_in(directory: Path) -> str:
     except OSError:
         return ""
     return f"it holds {', '.join(names[:5])}" if names else ""
+
+
+def figures_beside(store: Path) -> Path:
+    """Where the figures of a store go without `-o`: `NAME-figures` beside `NAME.zarr`."""
+    name = store.resolve().name.removesuffix(".zarr")
+    return store.parent / f"{name}-figures"

@@ -44,9 +44,12 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
+        from importlib.metadata import PackageNotFoundError, version
 
-        typer.echo(f"agfb {version('agfb')}")
+        try:
+            typer.echo(f"agfb {version('agfb')}")
+        except PackageNotFoundError:
+            typer.echo("agfb (not installed: running from its sources)")
         raise typer.Exit
 
 

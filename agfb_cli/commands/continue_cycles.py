@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from agfb_cli.commands.stage import stage_command
 
-HELP = """A branch of limit cycles with Floquet multipliers, folds, period doublings, Neimark-Sacker points.
+HELP = """Limit cycles, Floquet multipliers and bifurcations.
 
-Continues in the parameter continue_cycles.parameter over continue_cycles.range. Every point is committed as
-it is found; an interrupted branch goes on from its last point. Writes cases/CASE/cycles/b000 into the
-store.
+Folds, period doublings and Neimark-Sacker points are located along the branch. Continues in the parameter
+continue_cycles.parameter over continue_cycles.range. Every point is committed as it is found; an
+interrupted branch goes on from its last point. Writes cases/CASE/cycles/b000 into the store.
 """
 
 continue_cycles = stage_command(("continue_cycles",))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from agfb_cli.commands.stage import stage_command
 
-HELP = """Critical speeds, Campbell data, mode shapes and the parametric resonances that they predict.
+HELP = """Critical speeds, modes and parametric resonances.
 
-Also compares the full with the condensed rotor: frequencies, decrements, mode shapes and unbalance response.
-Writes cases/CASE/criticals into the store.
+Also Campbell data. Compares the full with the condensed rotor: frequencies, decrements, mode shapes and
+unbalance response. Writes cases/CASE/criticals into the store.
 """
 
 criticals = stage_command(("criticals",))

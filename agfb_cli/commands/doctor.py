@@ -42,7 +42,10 @@ def doctor(
     json: AsJson = False,
     traceback: Traceback = False,
 ) -> None:
-    """Check the installation and this machine; exit code 5 when something would make a run fail."""
+    """Check the installation and this machine.
+
+    Exit code 5 when something would make a run fail; then stderr says what to do about it.
+    """
     console = Console(quiet=quiet, json=json, traceback=traceback)
     with explained(console):
         checks = list(examine(output))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from agfb_cli.cases import load_cases
+from agfb_cli.cases import load_cases, select_cases
 from agfb_cli.console import Console, name_values, table
 from agfb_cli.errors import ExitCode, explained
 from agfb_cli.inputs import default_store
@@ -32,10 +31,9 @@ from agfb_cli.progress import ProgressReporter
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
-
     from pipelines.stages.results import StageResult
 
-SECONDS_BEFORE_COMPILING_IS_ANNOUNCED = 2.0
+SECONDS_BEFORE_ANNOUNCEMENT = 2.0
 
 
 @dataclass(frozen=True)
@@ -95,13 +93,14 @@ def stage_command(
 
 def execute(stages: Sequence[str], request: Request, console: Console) -> Outcome:
     """Run `stages` as requested and show each result as it arrives; raises typer.Exit when interrupted."""
-    named_cases = load_cases(request.config, request.assignments, request.case_pattern)
+    named_cases = load_cases(request.config, request.assignments)
+    chosen = select_cases(named_cases, request.case_pattern)
     if request.dry_run:
-        show_plan(stages, named_cases, request, console)
+        show_plan(stages, chosen, request, console)
         return Outcome()
     with Interruption(console) as interruption:
-        prepare_store(request, named_cases, console)
-        outcome = compute(stages, named_cases, request, console, interruption)
+        prepare(request, named_cases, console)
+        outcome = compute(stages, chosen, request, console, interruption)
     if interruption.exit_code is not None:
         console.error(f"stopped; everything committed is in {request.store}. To go on:")
         console.error(f"  {resume_command(sys.argv)}")
@@ -123,9 +122,7 @@ def compute(
     outcome = Outcome()
     reporter = ProgressReporter(console)
     for stage in stages:
-        with console.announce_if_slow(
-            "compiling kernels (first run only)", SECONDS_BEFORE_COMPILING_IS_ANNOUNCED
-        ):
+        with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
             stage_function(stage)
         for result in run_cases(stage, named_cases, request.store, reporter, interruption.requested):
             outcome.results.append((stage, result))
@@ -135,18 +132,20 @@ def compute(
     return outcome
 
 
-def prepare_store(request: Request, named_cases: Sequence[NamedCase], console: Console) -> None:
+def prepare(request: Request, named_cases: Sequence[NamedCase], console: Console) -> None:
     """Create the store, or check that the one that exists was made from the same configuration."""
-    raise NotImplementedError  # replaced below once the store's interface is known
+    with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
+        from pipelines.datasets.store import move_aside
+        from pipelines.stages.preparation import prepare_store
+
+    if request.force and request.store.exists():
+        console.message(f"moved the old store to {relative(move_aside(request.store))}")
+    prepare_store(request.store, named_cases, ["agfb", *sys.argv[1:]])
 
 
-def move_aside(path: Path) -> Path:
-    """Rename `path` to the first free `path.old-N` and return the new name."""
-    number = 1
-    while (aside := path.with_name(f"{path.name}.old-{number}")).exists():
-        number += 1
-    os.rename(path, aside)
-    return aside
+def relative(path: Path) -> Path:
+    """The path as seen from the working directory where it lies below it."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def announce(stage: str, result: StageResult, console: Console) -> None:
@@ -169,10 +168,10 @@ def show_plan(
     """What `--dry-run` prints: nothing has been written."""
     names = [stage.replace("_", "-") for stage in stages]
     if console.json:
-        cases = [named.id for named in named_cases]
+        cases = [named.case_id for named in named_cases]
         console.json_data({"store": str(request.store), "stages": names, "cases": cases})
         return
-    rows = [(named.id, ", ".join(names)) for named in named_cases]
+    rows = [(named.case_id, ", ".join(names)) for named in named_cases]
     console.data(table(("case", "stages"), rows))
     state = "goes on with" if request.store.exists() and not request.force else "creates"
     console.message(f"dry run: {state} {request.store}; nothing was computed")

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from pipelines.case.reading import NamedCase
-from pipelines.datasets.errors import StoreError, WriteError
+from pipelines.datasets.store import StoreError
 from pipelines.stages.results import FailedBy, Report, ShouldStop, StageResult
 
 STAGES = ("linearize", "criticals", "continue_cycles")
@@ -53,7 +53,7 @@ def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -
     case = NamedCase.from_dict(task["case"])
     try:
         result = stage_function(task["stage"])(case, Path(task["store"]), report, should_stop)
-    except (MemoryError, OSError, WriteError):
+    except (MemoryError, OSError):
         raise
     except StoreError as error:
         result = _failure(case, error, "store", "the other cases of the store are not affected")
@@ -74,7 +74,7 @@ def stage_function(stage: str) -> Stage:
 
 def _failure(case: NamedCase, error: Exception, failed_by: FailedBy, advice: str) -> StageResult:
     return StageResult(
-        case_id=case.id,
+        case_id=case.case_id,
         ok=False,
         stop_reason=str(error) if failed_by == "store" else f"unexpected {type(error).__name__}: {error}",
         advice=advice,

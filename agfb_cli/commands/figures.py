@@ -1,0 +1,90 @@
+"""`agfb figures`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agfb_cli.cases import matching
+from agfb_cli.console import Console
+from agfb_cli.errors import UsageError, explained
+from agfb_cli.inputs import existing_store, figures_beside
+from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
+
+Directory = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="DIRECTORY", help="Where to write. Default: NAME-figures beside NAME.zarr."
+    ),
+]
+Formats = Annotated[
+    list[str] | None,
+    typer.Option("--format", metavar="FORMAT", help="png (the default), svg or pdf. Repeatable."),
+]
+Kinds = Annotated[
+    list[str] | None, typer.Option("--figure", metavar="NAME", help="Only this kind of figure. Repeatable.")
+]
+
+
+def figures(
+    store: Store,
+    output: Directory = None,
+    formats: Formats = None,
+    kinds: Kinds = None,
+    case: CasePattern = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    json: AsJson = False,
+    traceback: Traceback = False,
+) -> None:
+    """Draw the figures of a store.
+
+    Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bifurcation,
+    multipliers, orbits, film. Files are DIRECTORY/CASE/FIGURE.FORMAT; the same store always gives the same
+    bytes.
+    """
+    console = Console(quiet, verbose, json, traceback)
+    with explained(console):
+        draw(existing_store(store), output or figures_beside(store), formats, kinds, case, console)
+
+
+def draw_beside(store: Path, case: str | None, console: Console) -> None:
+    """Draw every figure of a store that was just written."""
+    draw(store, figures_beside(store), None, None, case, console)
+
+
+def draw(
+    store: Path,
+    directory: Path,
+    formats: Sequence[str] | None,
+    kinds: Sequence[str] | None,
+    case: str | None,
+    console: Console,
+) -> None:
+    """Draw figures; their paths go to stdout, what is left out and why to stderr."""
+    from pipelines.datasets.reading import list_cases
+    from pipelines.datasets.store import open_for_reading
+    from pipelines.figures.drawing import FIGURE_KINDS, draw_figures
+    from pipelines.figures.style import FORMATS
+
+    refuse_unknown("--format", formats, FORMATS)
+    refuse_unknown("--figure", kinds, tuple(FIGURE_KINDS))
+    opened = open_for_reading(store)
+    matching(list_cases(opened), case)
+    console.message("drawing figures")
+    written = draw_figures(opened, directory, formats or ("png",), case or "*", kinds, console.message)
+    if console.json:
+        console.json_data({"store": str(store), "figures": [str(path) for path in written]})
+    else:
+        for path in written:
+            console.data(str(path))
+
+
+def refuse_unknown(option: str, given: Sequence[str] | None, allowed: Sequence[str]) -> None:
+    """Raise UsageError for a word that is not among those allowed."""
+    for word in given or ():
+        if word not in allowed:
+            raise UsageError(f"{option} {word}: not one of {', '.join(allowed)}")

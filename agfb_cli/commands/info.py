@@ -1,0 +1,56 @@
+"""`agfb info`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from agfb_cli.cases import matching
+from agfb_cli.console import Console, table
+from agfb_cli.errors import explained
+from agfb_cli.inputs import existing_store
+from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
+
+
+def info(
+    store: Store,
+    case: CasePattern = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    json: AsJson = False,
+    traceback: Traceback = False,
+) -> None:
+    """Show what a store holds.
+
+    Its cases, and of each branch the points, the events and why it ended. Only metadata are read, also while
+    a run is writing. With -v the advice stored with each branch is shown too.
+    """
+    console = Console(quiet, verbose, json, traceback)
+    with explained(console):
+        path = existing_store(store)
+        from pipelines.datasets.reading import describe
+
+        content = describe(path)
+        content["cases"] = {name: content["cases"][name] for name in matching(content["cases"], case)}
+        if json:
+            console.json_data(content)
+            return
+        show(content, console)
+
+
+def show(content: Mapping[str, Any], console: Console) -> None:
+    """One line per group on stdout; origin and advice on stderr."""
+    attributes = content["attributes"]
+    console.message(f"written by agfb {attributes['versions']['agfb']}: {' '.join(attributes['argv'])}")
+    rows = []
+    for name, described in content["cases"].items():
+        for group, state in described["groups"].items():
+            capacity = state["capacity"]
+            points = None if state["n_points"] is None else f"{state['n_points']} of at most {capacity}"
+            reason = state["stop_reason"] or state["status"]
+            rows.append((name, group, points, state["n_events"], reason))
+            if state["stop_advice"]:
+                console.detail(f"{name} {group}: {state['stop_advice']}")
+        if not described["groups"]:
+            rows.append((name, "nothing computed yet", None, None, None))
+    console.data(table(("case", "group", "points", "events", "status"), rows))

@@ -1,0 +1,53 @@
+"""`agfb validate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agfb_cli.cases import load_cases, select_cases
+from agfb_cli.console import Console, table
+from agfb_cli.errors import ExitCode, explain, explained
+from agfb_cli.options import AsJson, Assignments, CasePattern, Quiet, Traceback
+
+Configs = Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="TOML files to check.")]
+
+
+def validate(
+    config: Configs,
+    assignments: Assignments = None,
+    case: CasePattern = None,
+    quiet: Quiet = False,
+    json: AsJson = False,
+    traceback: Traceback = False,
+) -> None:
+    """Check configurations and list their cases.
+
+    Nothing is computed and nothing is written. Every problem of every file is reported, with file, line and
+    key. With --json the resolved configuration of every case is printed, defaults included.
+    """
+    console = Console(quiet=quiet, json=json, traceback=traceback)
+    with explained(console):
+        found = []
+        worst = ExitCode.DONE
+        for path in config:
+            try:
+                found += [(path, named) for named in select_cases(load_cases(path, assignments or ()), case)]
+            except Exception as error:
+                explanation = explain(error)
+                if explanation.code != ExitCode.USAGE:
+                    raise
+                console.error(explanation.text)
+                worst = ExitCode.USAGE
+        if json:
+            console.json_data(
+                [
+                    {"file": str(path), "case": named.case_id, "configuration": named.resolved}
+                    for path, named in found
+                ]
+            )
+        elif found:
+            console.data(table(("file", "case"), [(path, named.case_id) for path, named in found]))
+        raise typer.Exit(worst)
