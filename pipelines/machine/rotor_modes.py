@@ -147,15 +147,15 @@ def oscillating_modes(
 
 
 def translations(rotor: RotorMatrices | CondensedRotor, shapes: ComplexArray) -> ComplexArray:
-    """Displacements x, y of all nodes of the full rotor, (shapes, nodes, 2), from shapes (shapes, freedoms)."""
+    """Displacements x, y of all nodes, (shapes, nodes, 2), from shapes of the rotor (shapes, freedoms)."""
     full = shapes @ rotor.transformation.T if isinstance(rotor, CondensedRotor) else shapes
     return full.reshape(full.shape[0], -1, NODE_FREEDOMS)[:, :, :2]
 
 
 def whirl_directions(displacements: ComplexArray) -> NDArray[np.int8]:
-    """+1 forward (x to y), -1 backward, 0 planar, for shapes (shapes, nodes, 2) times exp(lambda t), Im
-    lambda > 0.
+    """Whirl of shapes (shapes, nodes, 2): +1 forward (from x to y), -1 backward, 0 planar.
 
+    The motion is Re(shape exp(lambda t)) with Im lambda > 0.
     The sign is that of the area which the nodes' ellipses enclose together, Im(x y*) summed; it is compared
     with the area of circles of the same size.
     """
