@@ -55,33 +55,45 @@ class Eigenpairs:
 
 
 def leading_eigenvalues(jacobian: sparse.csc_array, count: int, shifts: ComplexArray) -> Eigenpairs:
-    """The ``count`` eigenvalues of largest real part, each pair once with Im >= 0, then its conjugate left out.
+    """The ``count`` eigenvalues of largest real part among those nearest the shifts, of each pair the one with Im >= 0.
 
-    Shift-invert Arnoldi about every shift, merged; a matrix of at most ``DENSE_SIZE`` rows is solved densely.
-    ``shifts`` lie along the imaginary axis where the rotor's whirl frequencies are expected.
+    ``shifts`` lie along the imaginary axis where the rotor's whirl frequencies are expected; a small matrix is solved
+    whole.
     """
-    size = jacobian.shape[0]
-    if size <= DENSE_SIZE:
+    pairs = eigenpairs_near(jacobian, shifts, count)
+    order = np.lexsort((pairs.values.imag, -pairs.values.real))[:count]
+    return Eigenpairs(pairs.values[order], pairs.vectors[:, order], pairs.residuals[order])
+
+
+def eigenpairs_near(jacobian: sparse.csc_array, shifts: ComplexArray, count: int) -> Eigenpairs:
+    """At least the ``count`` eigenpairs nearest every shift, merged; of each pair the one with Im >= 0.
+
+    Shift-invert Arnoldi about every shift; all eigenvalues of a matrix of at most ``DENSE_SIZE`` rows.
+    """
+    if jacobian.shape[0] <= DENSE_SIZE:
         values, vectors = np.linalg.eig(jacobian.toarray())
     else:
-        found = [_near_shift(jacobian, count, shift) for shift in shifts]
+        found = [_arnoldi(jacobian, shift, count) for shift in shifts]
         values = np.concatenate([pair[0] for pair in found])
         vectors = np.concatenate([pair[1] for pair in found], axis=1)
-    upper = values.imag >= -1e-9 * np.abs(values)
-    values, vectors = values[upper], vectors[:, upper]
-    order = np.lexsort((values.imag, -values.real))
-    kept: list[int] = []
-    for index in order:
-        if all(abs(values[index] - values[other]) > 1e-7 * (1.0 + abs(values[index])) for other in kept):
-            kept.append(int(index))
-        if len(kept) == count:
-            break
-    values, vectors = values[kept], vectors[:, kept]
+    distinct: list[int] = []
+    for index in np.flatnonzero(values.imag >= -1e-9 * np.abs(values)):
+        apart = np.abs(values[distinct] - values[index]) > 1e-7 * (1.0 + abs(values[index]))
+        if np.all(apart):
+            distinct.append(int(index))
+    values, vectors = values[distinct], vectors[:, distinct]
     residuals = np.linalg.norm(jacobian @ vectors - vectors * values, axis=0) / np.linalg.norm(vectors, axis=0)
     return Eigenpairs(values, vectors, residuals)
 
 
-def _near_shift(jacobian: sparse.csc_array, count: int, shift: complex) -> tuple[ComplexArray, ComplexArray]:
+def nearest_eigenpair(jacobian: sparse.csc_array, expected: complex) -> tuple[complex, ComplexArray]:
+    """The eigenvalue nearest an expected one, and its eigenvector (N,)."""
+    pairs = eigenpairs_near(jacobian, np.array([expected]), 2)
+    nearest = int(np.argmin(np.abs(pairs.values - expected)))
+    return complex(pairs.values[nearest]), pairs.vectors[:, nearest]
+
+
+def _arnoldi(jacobian: sparse.csc_array, shift: complex, count: int) -> tuple[ComplexArray, ComplexArray]:
     """Eigenpairs nearest a shift by Arnoldi on (J - shift I)^-1, from a fixed start vector (reproducible)."""
     size = jacobian.shape[0]
     factor = splu((jacobian - shift * sparse.eye_array(size)).tocsc().astype(np.complex128))
