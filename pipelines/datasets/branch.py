@@ -244,7 +244,7 @@ class _Column:
         self._chunk = self._empty()
         start = self._index * self._step
         if count > start:
-            self._chunk[: count - start] = read_array(store, group, array, start, count)
+            self._chunk[: count - start] = read_array(store, group, array, start, count, self._target)
 
     def write(self, first: int, rows: Sequence[Array]) -> None:
         """Put rows at ``first`` and behind, and write the chunks they are in."""

@@ -35,7 +35,12 @@ def open_array(store: Store, group: str, array: ArrayLayout) -> zarr.Array[Any]:
 
 
 def read_array(
-    store: Store, group: str, array: ArrayLayout, start: int = 0, stop: int | None = None
+    store: Store,
+    group: str,
+    array: ArrayLayout,
+    start: int = 0,
+    stop: int | None = None,
+    opened: zarr.Array[Any] | None = None,
 ) -> Array:
     """Rows ``start`` to ``stop`` (all when None). Raises CorruptedError naming the chunk that is missing or
     damaged.
@@ -45,7 +50,7 @@ def read_array(
     files = array.chunk_files(rows.stop)[rows.start // array.chunks[0] :]
     for name in files:
         check_chunk_file(folder / name, array)
-    target = open_array(store, group, array)
+    target = open_array(store, group, array) if opened is None else opened
     try:
         return np.asarray(target[rows])
     except (ValueError, RuntimeError) as error:

@@ -19,7 +19,7 @@ from pipelines.datasets.store import Store, open_for_reading
 
 @dataclass(frozen=True)
 class Finding:
-    """Something wrong with one file or folder. ``severity`` is ``error`` (data lost) or ``note`` (harmless)."""
+    """Something wrong with a file or folder: ``severity`` is ``error`` (data lost) or ``note`` (harmless)."""
 
     path: Path
     problem: str
@@ -31,7 +31,7 @@ def verify(store: Store | Path | str) -> list[Finding]:
     """Everything wrong with a store, an empty list when it is whole.
 
     Checks all metadata against the schema, that every chunk of a committed row exists, and decodes it
-    (checksums). Chunks are read one at a time. Raises NotAStoreError, or ForeignStoreError for a damaged root.
+    (checksums). Chunks are read one at a time. Raises StoreError when the root is unusable.
     """
     opened = store if isinstance(store, Store) else open_for_reading(store)
     findings = list(_stray(opened.path))

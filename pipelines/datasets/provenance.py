@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import platform
 import subprocess
 from collections.abc import Mapping, Sequence
@@ -9,25 +10,34 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from pipelines.case.identity import physics_hash
+from pipelines.case.reading import NamedCase
+
 PACKAGES = ("agfb", "numpy", "scipy", "numba", "zarr", "numcodecs", "pydantic")
 
 
-def provenance(
-    configuration: Mapping[str, Any], configuration_hash: str, argv: Sequence[str], title: str = ""
-) -> dict[str, Any]:
-    """Root attributes: resolved configuration, its hash, versions, git commit (None without), command line.
+def provenance(cases: Sequence[NamedCase], argv: Sequence[str]) -> dict[str, Any]:
+    """Root attributes: resolved configuration of every case, its hash, versions, git commit, command line.
 
-    There is no time of day among them: two runs of the same command make the same bytes.
+    ``configuration`` maps case ids to resolved cases and ``configuration_hash`` covers their physics and
+    numerics only, so what is asked of the same cases may change between two runs into one store. There is no
+    time of day: two runs of one command make the same bytes.
     """
     return {
-        "title": title or "Bifurcation sets of a rotor on gas foil bearings",
+        "title": "Bifurcation sets of rotors on gas foil bearings",
         "source": "agfb",
-        "configuration": dict(configuration),
-        "configuration_hash": configuration_hash,
+        "configuration": {case.case_id: case.resolved for case in cases},
+        "configuration_hash": configuration_hash({case.case_id: physics_hash(case.case) for case in cases}),
         "versions": versions(),
         "git_commit": git_commit(Path(__file__).parent),
         "argv": list(argv),
     }
+
+
+def configuration_hash(hashes: Mapping[str, str]) -> str:
+    """SHA-256 of the cases of a store, from case ids and the hashes of their physics."""
+    lines = (f"{case} {physics}\n" for case, physics in sorted(hashes.items()))
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
 
 
 def versions() -> dict[str, str]:

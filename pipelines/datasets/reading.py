@@ -53,8 +53,8 @@ def _members(store: Store, group: str) -> list[str]:
 def read_group(store: Store, group: str, names: Sequence[str] | None = None) -> Group:
     """A group as plain arrays, rows and events trimmed to those committed; ``names`` restricts the arrays.
 
-    Works while the group is being written: it sees the rows committed when it began. Arrays of slots belong to
-    the newest row only and are read when named. Raises CorruptedError naming the file, ForeignStoreError,
+    Works while the group is being written: it sees the rows committed when it began. Arrays of slots belong
+    to the newest row only and are read when named. Raises CorruptedError naming the file, ForeignStoreError,
     KeyError for an array that the group does not have.
     """
     metadata = read_group_metadata(store.path, group)

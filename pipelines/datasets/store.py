@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pipelines.case.identity import differences
 from pipelines.datasets.durable import (
     DurableStore,
     about,
@@ -167,27 +168,17 @@ def _resolved(path: Path | str) -> Path:
 def _refuse_other_configuration(store: Store, provenance: Mapping[str, Any]) -> None:
     if store.attributes.get("configuration_hash") == provenance["configuration_hash"]:
         return
-    differing = list(
-        differences(store.attributes.get("configuration", {}), provenance.get("configuration", {}))
-    )
-    shown = "; ".join(differing[:8]) + (f"; and {len(differing) - 8} more" if len(differing) > 8 else "")
+    stored, given = store.attributes.get("configuration", {}), provenance["configuration"]
+    found = [f"case {case} is only in the store" for case in sorted(set(stored) - set(given))]
+    found += [f"case {case} is not in the store" for case in sorted(set(given) - set(stored))]
+    for case in sorted(set(stored) & set(given)):
+        found += [f"{case}: {sentence}" for sentence in differences(stored[case], given[case])]
+    shown = "; ".join(found[:8]) + (f"; and {len(found) - 8} more" if len(found) > 8 else "")
     raise OtherConfigurationError(
-        f"the store belongs to another configuration: {shown or 'the hashes differ'}",
+        f"the store belongs to another configuration (store / now): {shown or 'the hashes differ'}",
         "Name another store with -o, or move this one aside with --force",
         store.path,
     )
-
-
-def differences(stored: Any, given: Any, key: str = "") -> list[str]:
-    """Sentences for every entry in which two nested configurations differ."""
-    if isinstance(stored, Mapping) and isinstance(given, Mapping):
-        keys = sorted(set(stored) | set(given), key=str)
-        below = [differences(stored.get(k), given.get(k), f"{key}.{k}" if key else str(k)) for k in keys]
-        return [sentence for sentences in below for sentence in sentences]
-    if isinstance(stored, list | tuple) and isinstance(given, list | tuple) and len(stored) == len(given):
-        pairs = enumerate(zip(stored, given, strict=True))
-        return [sentence for i, (a, b) in pairs for sentence in differences(a, b, f"{key}[{i}]")]
-    return [] if stored == given else [f"{key} is {stored!r} in the store and {given!r} now"]
 
 
 def ensure_container(store: Store, group: str) -> None:
