@@ -30,8 +30,8 @@ def differences(
     """Say in which keys two resolved configurations differ, such as `numerics.axial: 3 / 2`.
 
     `first` and `second` are dictionaries of JSON types (`NamedCase.resolved`, or as read back from a store);
-    `tables` are the tables that count: `PHYSICS`, with "continue_cycles" for a branch.  A key that one of them
-    lacks counts as null.
+    `tables` are the tables that count: `PHYSICS`, with "continue_cycles" for a branch.  A key that one of
+    the configurations lacks counts as null.
     """
     left = dict(_values({name: first.get(name) for name in tables}))
     right = dict(_values({name: second.get(name) for name in tables}))

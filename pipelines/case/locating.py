@@ -119,8 +119,9 @@ class _Scanner:
 
     def _record(self, path: Path) -> None:
         """Note the line of a path, and of the tables above it that no earlier line has opened."""
-        for length in range(1, len(path) + 1):
-            self.found.setdefault(path[:length], self._line())
+        while path and path not in self.found:
+            self.found[path] = self._line()
+            path = path[:-1]
 
     def _line(self) -> int:
         return bisect.bisect_left(self._line_ends, self.at) + 1

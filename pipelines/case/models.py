@@ -119,7 +119,7 @@ class Case(Table):
 
 
 def misplaced_journals(rotor: Rotor, nodes: Sequence[Any]) -> list[Misfit]:
-    """What is wrong with the nodes of the bearings (what is no node number is skipped), by path below them."""
+    """What is wrong with the nodes of the bearings; a node that is no number is reported elsewhere."""
     problems: list[Misfit] = []
     for index, node in enumerate(nodes):
         if not isinstance(node, int) or node < 0:

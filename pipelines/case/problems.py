@@ -16,6 +16,7 @@ from pipelines.case.fields import InconsistentError, Path, Table, bounds_of, ext
 MOST_PRINTED = 50
 LONGEST_VALUE = 60
 
+_MISSING = "is missing"
 _WRONG_TYPES = {
     "float_type": "must be a number",
     "int_type": "must be a whole number",
@@ -99,13 +100,14 @@ class Places:
             part = path[:length]
             if (place := self.own(part) or self.own(_in_first_bearing(part))) is not None:
                 return place
-        return self.file, None if self.file.startswith("--set") else 1
+        return self.file, 1
 
 
 def problems_of(error: ValidationError, root: type[Table], places: Places) -> list[Problem]:
     """Translate what the models refuse.
 
-    A key that the second bearing inherits is reported once, for the first bearing.
+    A key that the second bearing inherits is reported once, for the first bearing; a misspelt key is not
+    reported as missing too.
     """
     found: dict[tuple[Path, str], Problem] = {}
     for path, value, message, suggestion in _statements(error, root):
@@ -117,11 +119,18 @@ def problems_of(error: ValidationError, root: type[Table], places: Places) -> li
             continue
         key = ".".join(str(part) for part in path)
         found[path, message] = Problem(file, line, key, value, message, suggestion)
-    return list(found.values())
+    misspelt = {problem.suggestion for problem in found.values()}
+    return [
+        problem
+        for problem in found.values()
+        if not (problem.key in misspelt and problem.message.startswith(_MISSING))
+    ]
 
 
 def _in_first_bearing(path: Path) -> Path:
-    return ("bearings", 0, *path[2:]) if path[:2] == ("bearings", 1) else path
+    """The path that a key of the second bearing is inherited from; other paths as they are."""
+    inherited = path[:2] == ("bearings", 1) and path[2:] != ("node",)
+    return ("bearings", 0, *path[2:]) if inherited else path
 
 
 def _statements(error: ValidationError, root: type[Table]) -> Iterator[tuple[Path, str, str, str]]:
@@ -133,6 +142,8 @@ def _statements(error: ValidationError, root: type[Table]) -> Iterator[tuple[Pat
             for below, message in cause.problems:
                 yield (*path, *below), shown(_value_at(detail["input"], below)), message, ""
             continue
+        if detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
+            continue  # entries that are themselves refused are not counted
         owner, declared = field_at(root, path)
         if detail["type"] == "extra_forbidden":
             message, suggestion = _unknown(root, owner, path)
@@ -148,8 +159,8 @@ def _message(detail: Mapping[str, Any], declared: FieldInfo | None, is_item: boo
     reason = f": {because}" if because else ""
     if kind == "missing":
         if is_item:
-            return "is missing: exactly two entries are needed", ""
-        return f"is missing: {_meaning(declared)}", ""
+            return f"{_MISSING}: exactly two entries are needed", ""
+        return f"{_MISSING}: {_meaning(declared)}", ""
     if kind == "literal_error":
         words = _literals(context["expected"])
         near = difflib.get_close_matches(str(detail["input"])[:100], words, n=1, cutoff=0.4)

@@ -11,6 +11,7 @@ from typing import Any, Self
 
 from pydantic import ValidationError
 
+from pipelines.case.fields import Path
 from pipelines.case.locating import key_lines
 from pipelines.case.models import Case, Rotor, misplaced_journals
 from pipelines.case.problems import CaseError, Places, Problem, problems_of, shown
@@ -72,7 +73,7 @@ def read_cases(text: str, name: str, overrides: Sequence[str] = ()) -> tuple[Nam
     try:
         named = list(combinations(sweeps))
     except MisplacedError as error:
-        problems.append(_problem(places, ("sweep",), f"{error}"))
+        problems.append(_problem(places, ("sweep",), str(error)))
         named = []
     cases = [
         case
@@ -102,11 +103,13 @@ def _parse(text: str, name: str) -> Document:
 
 
 def _sweeps(document: Document, places: Places, problems: list[Problem]) -> list[Sweep]:
-    try:
-        return list(read_sweeps(document.pop("sweep", {})))
-    except MisplacedError as error:
-        problems.append(_problem(places, ("sweep",), str(error)))
-        return []
+    sweeps = []
+    for item in read_sweeps(document.pop("sweep", {})):
+        if isinstance(item, Sweep):
+            sweeps.append(item)
+        else:
+            problems.append(_problem(places, *item))
+    return sweeps
 
 
 def _override(
@@ -185,6 +188,6 @@ def _journal_problems(document: Document, places: Places) -> list[Problem]:
     return problems
 
 
-def _problem(places: Places, path: tuple[str, ...], message: str) -> Problem:
+def _problem(places: Places, path: Path, message: str) -> Problem:
     file, line = places.nearest(path)
-    return Problem(file, line, ".".join(path), "", message)
+    return Problem(file, line, ".".join(map(str, path)), "", message)

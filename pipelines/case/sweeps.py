@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pipelines.case.fields import ALTERNATIVES, Path
+from pipelines.case.fields import ALTERNATIVES, Misfit, Path
 
 MOST_CASES = 10_000
 
@@ -127,13 +127,14 @@ def parse_override(text: str) -> tuple[str, Any]:
     return key.strip(), literal
 
 
-def read_sweeps(table: Any, at: Path = ("sweep",), prefix: str = "") -> Iterator[Sweep]:
+def read_sweeps(table: Any, at: Path = ("sweep",), prefix: str = "") -> Iterator[Sweep | Misfit]:
     """The swept keys of the [sweep] table; quoted dotted keys and nested tables mean the same.
 
-    Raises MisplacedError.
+    What is no list of values is yielded as its path and what is wrong with it.
     """
     if not isinstance(table, dict):
-        raise MisplacedError(f"{_dotted(at)} must be a table of lists")
+        yield at, "must be a table of lists"
+        return
     for name, value in table.items():
         key, path = f"{prefix}{name}", (*at, name)
         if isinstance(value, dict):
@@ -141,7 +142,7 @@ def read_sweeps(table: Any, at: Path = ("sweep",), prefix: str = "") -> Iterator
         elif isinstance(value, list) and value:
             yield Sweep(key, tuple(value), path)
         else:
-            raise MisplacedError(f"{_dotted(path)} must be a list with at least one value")
+            yield path, "must be a list with at least one value"
 
 
 def combinations(sweeps: Sequence[Sweep]) -> Iterator[tuple[str, tuple[Any, ...]]]:
@@ -182,4 +183,5 @@ def _word(value: Any) -> str:
         return f"{value:.12g}"
     if isinstance(value, list):
         return ",".join(_word(item) for item in value)[:80]
-    return re.sub(r"[^A-Za-z0-9.+-]", "-", str(value))[:80]
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    return re.sub(r"[^A-Za-z0-9.+-]", "-", text)[:80]

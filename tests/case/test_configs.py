@@ -1,0 +1,74 @@
+"""Every configuration that is shipped can be used."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from pipelines.case.reading import read_cases
+from pipelines.case.scales import Scales
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+FILES = sorted(CONFIGS.rglob("*.toml"))
+
+
+def test_the_promised_configurations_are_there():
+    names = {str(file.relative_to(CONFIGS)) for file in FILES}
+    assert names >= {"smoke.toml", "passive.toml", "your_rotor.toml", "paper/kb10.toml"}
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_it_is_valid(file):
+    for named in read_cases(file.read_text(), file.name):
+        assert named.resolved["name"] == file.stem
+
+
+@pytest.mark.parametrize("file", [*sorted((CONFIGS / "paper").glob("*.toml"))], ids=lambda file: file.stem)
+def test_a_paper_configuration_says_that_it_is_a_reconstruction(file):
+    header = file.read_text().split("\nname =")[0]
+    assert "RECONSTRUCTION, NOT THE AUTHORS' DATA" in header
+
+
+def test_kb10_is_the_reconstruction():
+    """Against the numbers of the search that found the machine."""
+    case = read_cases((CONFIGS / "paper" / "kb10.toml").read_text(), "kb10.toml")[0].case
+    assert (case.gas.viscosity, case.gas.ambient_pressure) == (1.85e-5, 101325.0)
+    for bearing, node in zip(case.bearings, (2, 12), strict=True):
+        assert (bearing.node, bearing.radius, bearing.length, bearing.clearance) == (
+            node,
+            0.014,
+            0.0161,
+            20.4e-6,
+        )
+        assert (bearing.film, bearing.edge_angle, bearing.clipping) == ("edge", 0.0, "gumbel")
+        assert (bearing.foil.stiffness, bearing.foil.loss_factor) == (10.0, 0.425)
+        assert (bearing.foil.damping, bearing.foil.pressure) == ("proportional", "gauge")
+    rotor = case.rotor
+    assert rotor.node_positions()[-1] == pytest.approx(0.360, rel=1e-12)
+    assert rotor.node_count == 15
+    assert rotor.masters == (0, 2, 4, 7, 10, 12, 14)
+    # The bearings stand 51.4 mm from the ends.
+    assert rotor.node_positions()[2] == pytest.approx(0.0514, abs=5e-5)
+    assert {(element.outer_diameter, element.inner_diameter) for element in rotor.elements} == {(0.0176, 0.0)}
+    assert [(disc.node, disc.mass, disc.diametral_inertia, disc.polar_inertia) for disc in rotor.discs] == [
+        (0, 0.079, 2.85e-5, 5.70e-5),
+        (14, 0.079, 2.85e-5, 5.70e-5),
+    ]
+    steel = rotor.materials["steel"]
+    assert (steel.young_modulus, steel.poisson_ratio, steel.density) == (206e9, 0.3, 7850.0)
+    assert (rotor.rayleigh_mass, rotor.rayleigh_stiffness) == (0.0, 2.43e-5)
+    excitation = case.excitation
+    assert (excitation.displacement, excitation.frequency, excitation.ratio) == (0.2, 0.7, 0.918)
+    assert (case.numerics.circumferential, case.numerics.axial) == (40, 3)
+    # The paper's rotor is designed for more than 20000 rpm; its branches reach the dimensionless speed 1.2.
+    assert Scales.from_case(case).speed_rpm(1.2) > 20000
+
+
+def test_the_small_configurations_share_the_machine_of_kb10():
+    kb10 = tomllib.loads((CONFIGS / "paper" / "kb10.toml").read_text())
+    for name in ("smoke", "passive"):
+        small = tomllib.loads((CONFIGS / f"{name}.toml").read_text())
+        for table in ("gas", "rotor", "bearings"):
+            assert small[table] == kb10[table], (name, table)
