@@ -1,0 +1,142 @@
+"""The help, what it costs, and that the README says the same as the program."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer.main
+from typer.testing import CliRunner
+
+from agfb_cli.errors import ExitCode
+from agfb_cli.main import app
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+HEAVY = (
+    "numpy",
+    "scipy",
+    "numba",
+    "zarr",
+    "dask",
+    "matplotlib",
+    "pydantic",
+    "rich",
+    "xarray",
+    "pipelines.case",
+)
+COMMANDS = sorted(typer.main.get_group(app).commands)
+COMPUTING = ("linearize", "criticals", "continue-cycles", "continue", "run")
+
+
+def options_of(command: str) -> set[str]:
+    return {
+        name
+        for parameter in typer.main.get_group(app).commands[command].params
+        for name in parameter.opts
+        if name.startswith("-")
+    }
+
+
+def fenced(language: str) -> list[str]:
+    """The code blocks of the README in a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.DOTALL | re.MULTILINE)
+
+
+# Typer itself may load pydantic to describe the options of one command.
+@pytest.mark.parametrize(
+    ("words", "allowed"), [(["--help"], ()), (["--version"], ()), (["run", "-h"], ("pydantic",))]
+)
+def test_help_imports_nothing_heavy(words: list[str], allowed: tuple[str, ...]) -> None:
+    script = (
+        "import sys\nfrom agfb_cli.main import app\n"
+        f"try:\n    app({words!r}, prog_name='agfb')\n"
+        "except SystemExit as stop:\n    assert stop.code == 0\n"
+        f"print([name for name in {HEAVY!r} if name in sys.modules and name not in {allowed!r}])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_blas_gets_one_thread_before_numpy_unless_the_user_chose() -> None:
+    script = (
+        "import os, sys\nos.environ.pop('OMP_NUM_THREADS', None)\nos.environ['MKL_NUM_THREADS'] = '4'\n"
+        "from typer.testing import CliRunner\nfrom agfb_cli.main import app\n"
+        "CliRunner().invoke(app, ['info', '/nowhere'])\n"
+        "assert 'numpy' not in sys.modules\n"
+        "print(os.environ['OMP_NUM_THREADS'], os.environ['MKL_NUM_THREADS'])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "1 4\n"
+
+
+def test_the_overview_lists_every_command_and_every_exit_code() -> None:
+    shown = CliRunner().invoke(app, ["--help"]).stdout
+    for command in COMMANDS:
+        assert re.search(rf"^  {command} ", shown, flags=re.MULTILINE)
+    for code in ExitCode:
+        assert re.search(rf"\b{code.value}\b", shown)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_a_command(command: str) -> None:
+    done = CliRunner().invoke(app, [command, "--help"])
+    assert done.exit_code == ExitCode.DONE
+    assert done.stdout.startswith(f"Usage: agfb {command}")
+    for option in options_of(command):
+        assert option in done.stdout
+
+
+def test_without_arguments_the_overview_is_shown() -> None:
+    assert "Usage: agfb" in CliRunner().invoke(app, []).output
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_readme_documents_every_command_and_option(command: str) -> None:
+    assert f"`agfb {command}" in README
+    for option in options_of(command):
+        assert re.search(rf"`[^`]*(?<![\w-]){option}(?![\w-])", README), option
+
+
+def test_every_command_of_the_readme_exists() -> None:
+    named = set(re.findall(r"(?:`|/|^)agfb ([a-z][a-z-]*)", README, flags=re.MULTILINE))
+    assert named <= set(COMMANDS)
+
+
+def test_computing_commands_share_their_options() -> None:
+    assert len({frozenset(options_of(command)) for command in COMPUTING}) == 1
+
+
+def test_the_readme_lists_every_exit_code() -> None:
+    table = README.split("### Exit codes")[1].split("##")[0]
+    codes = {
+        int(code)
+        for row in re.findall(r"^\| ([\d, ]+) \|", table, flags=re.MULTILINE)
+        for code in row.split(",")
+    }
+    assert codes == {code.value for code in ExitCode}
+
+
+def test_files_that_the_readme_names_exist() -> None:
+    named = set(re.findall(r"`?(configs/[\w/]+\.toml)", README))
+    assert named
+    assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
+    assert {f"configs/{path.name}" for path in (ROOT / "configs").glob("*.toml")} <= named
+
+
+def test_make_targets_of_the_readme_exist() -> None:
+    targets = set(re.findall(r"^([a-z]+):.*## ", (ROOT / "Makefile").read_text(), flags=re.MULTILINE))
+    assert targets == {"help", "install", "test", "lint", "smoke", "figures", "bench", "clean"}
+    assert set(re.findall(r"`?make ([a-z]+)", README)) <= targets
+
+
+def test_the_equations_of_ones_own_run_as_printed() -> None:
+    (source,) = (block for block in fenced("python") if "ode_system" in block)
+    (printed,) = fenced("text")
+    done = subprocess.run(
+        [sys.executable, "-c", source], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == printed
