@@ -202,5 +202,7 @@ def event_handle(mark: EventMark) -> Line2D:
 
 def _progress(branches: Sequence[Table]) -> str:
     """A remark in the title while the store is still being filled."""
-    running = any(branch.attributes.get("status") == "running" for branch in branches)
-    return f" (running, {sum(len(branch['speed']) for branch in branches)} points)" if running else ""
+    if not any(branch.attributes.get("status") == "running" for branch in branches):
+        return ""
+    points = sum(len(branch["speed"]) for branch in branches)
+    return f" (running, {points} point{'s' if points > 1 else ''})"

@@ -95,7 +95,7 @@ def _draw_assurance(axes: Axes, criticals: Table) -> None:
     axes.set_yticks(np.arange(rows), [str(mode + 1) for mode in range(rows)])
     axes.tick_params(length=0)
     axes.set(xlabel="mode, condensed rotor", ylabel="mode, full rotor")
-    axes.figure.colorbar(image, ax=axes, label="modal assurance criterion [–]", pad=0.02)
+    axes.figure.colorbar(image, ax=axes, label="modal assurance criterion [–]", location="top", aspect=30)
 
 
 def _draw_unbalance(axes: Axes, case: CaseView, criticals: Table) -> list[Line2D]:
