@@ -44,6 +44,7 @@ from pipelines.orbits.shooting import (
 from pipelines.orbits.system import Matrix, Vector
 
 _STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
+_UNEXPLAINED = "the number of unstable multipliers changes without an event to explain it"
 _CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
 
 
@@ -373,9 +374,10 @@ def _events(
     before = evaluate_tests(segment.start_multipliers, autonomous)
     after = evaluate_tests(segment.end.spectrum.multipliers, autonomous)
     turned = segment.start_tangent.parameter * segment.end_tangent.parameter < 0.0
-    kinds = detect(before, after, turned)
-    if not explains(before, after, kinds) and not accept_anyway:
-        return _Rejected("the number of unstable multipliers changes without an event to explain it")
+    kinds = tuple(kind for kind in detect(before, after, turned) if kind in options.kinds)
+    strict = len(options.kinds) == len(EventKind) and not accept_anyway
+    if strict and not explains(before, after, kinds):
+        return _Rejected(_UNEXPLAINED)
     events: list[Event] = []
     unlocated: list[EventKind] = []
     for kind in kinds:
@@ -386,6 +388,8 @@ def _events(
             if not accept_anyway:
                 return _Rejected(outcome.value)
             unlocated.append(kind)
+    if strict and not explains(before, after, tuple(event.kind for event in events), confirmed=True):
+        return _Rejected(_UNEXPLAINED)
     return tuple(sorted(events, key=lambda event: event.fraction)), tuple(unlocated)
 
 

@@ -23,11 +23,14 @@ from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle, Unknowns, tangent_at
 from pipelines.orbits.system import Vector
 
+_OUTSIDE = 1e-9  # beyond the unit circle by more than the residual asked of a multiplier
 _REAL = 1e-6  # imaginary part, relative to the modulus, below which a multiplier is taken as real
 _DIFFERENCE_FRACTION = 0.05  # of the segment, for the derivative of the modulus
 
 
 class EventKind(IntEnum):
+    """Bifurcations of cycles on a branch."""
+
     FOLD = 1
     PERIOD_DOUBLING = 2
     NEIMARK_SACKER = 3
@@ -45,6 +48,8 @@ class Resonance(IntEnum):
 
 
 class LocationStop(Enum):
+    """How the location of a bifurcation ended."""
+
     LOCATED = "located"
     NEUTRAL_SADDLE = "a real pair with product one: no bifurcation"
     NOT_CONVERGED = "a cycle inside the bracket did not converge: use smaller steps"
@@ -53,10 +58,17 @@ class LocationStop(Enum):
 @dataclass(frozen=True)
 class DetectionOptions:
     """``event_tolerance``: width of the final bracket along the branch; ``resonance_distance``: angle in rad within
-    which a strong resonance is reported."""
+    which a strong resonance is reported; ``kinds``: what to look for (a conservative system has all its multipliers on
+    the unit circle, so that its Neimark-Sacker test is rounding noise: leave that kind out)."""
 
     event_tolerance: float = 1e-10
     resonance_distance: float = 0.05
+    kinds: tuple[EventKind, ...] = (
+        EventKind.FOLD,
+        EventKind.PERIOD_DOUBLING,
+        EventKind.NEIMARK_SACKER,
+        EventKind.BRANCH_POINT,
+    )
 
     def __post_init__(self) -> None:
         if not self.event_tolerance > 0.0:
@@ -111,7 +123,7 @@ def nontrivial(multipliers: Complex, autonomous: bool) -> Complex:
 
 def unstable_count(multipliers: Complex, autonomous: bool) -> int:
     """Number of multipliers outside the unit circle, the trivial one left out."""
-    return int(np.sum(np.abs(nontrivial(multipliers, autonomous)) > 1.0))
+    return int(np.sum(np.abs(nontrivial(multipliers, autonomous)) > 1.0 + _OUTSIDE))
 
 
 def evaluate_tests(multipliers: Complex, autonomous: bool) -> BifurcationTests:
@@ -143,15 +155,19 @@ def detect(before: BifurcationTests, after: BifurcationTests, turned: bool) -> t
     return tuple(kinds)
 
 
-def explains(before: BifurcationTests, after: BifurcationTests, kinds: tuple[EventKind, ...]) -> bool:
+def explains(
+    before: BifurcationTests, after: BifurcationTests, kinds: tuple[EventKind, ...], confirmed: bool = False
+) -> bool:
     """Whether the events found can account for the change in the number of unstable multipliers.
 
     A fold, branch point or period doubling moves one multiplier across the circle, a Neimark-Sacker point two and a
-    neutral saddle none.  Otherwise two events lie between the cycles and the step is too long.
+    neutral saddle, which the same test function reports until it is located (``confirmed``), none.  If they cannot,
+    two events lie between the cycles and the step is too long.
     """
     if (EventKind.FOLD in kinds) and before.fold * after.fold > 0.0:
         return False
-    moves = [(-2, 0, 2) if kind is EventKind.NEIMARK_SACKER else (-1, 1) for kind in kinds]
+    pair = (-2, 2) if confirmed else (-2, 0, 2)
+    moves = [pair if kind is EventKind.NEIMARK_SACKER else (-1, 1) for kind in kinds]
     return after.unstable - before.unstable in {sum(choice) for choice in product(*moves)}
 
 

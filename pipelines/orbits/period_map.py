@@ -25,6 +25,8 @@ _RADIUS_MARGIN = 1.15  # the power iteration approaches the radius from below
 
 
 class Formulation(StrEnum):
+    """Whether the period is that of the forcing, or an unknown (Eq. 17-19)."""
+
     STROBOSCOPIC = "stroboscopic"
     AUTONOMOUS = "autonomous"
 
