@@ -45,12 +45,14 @@ def show(content: Mapping[str, Any], console: Console) -> None:
     rows = []
     for name, described in content["cases"].items():
         for group, state in described["groups"].items():
+            if group == "machine":
+                continue
             capacity = state["capacity"]
             points = None if state["n_points"] is None else f"{state['n_points']} of at most {capacity}"
             reason = state["stop_reason"] or state["status"]
             rows.append((name, group, points, state["n_events"], reason))
             if state["stop_advice"]:
                 console.detail(f"{name} {group}: {state['stop_advice']}")
-        if not described["groups"]:
+        if not set(described["groups"]) - {"machine"}:
             rows.append((name, "nothing computed yet", None, None, None))
     console.data(table(("case", "group", "points", "events", "status"), rows))

@@ -10,28 +10,38 @@ from typing import Any
 from pipelines.case.models import PARAMETERS
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import Scales
+from pipelines.datasets.branch import write_group
 from pipelines.datasets.provenance import provenance
 from pipelines.datasets.store import create_store, open_for_writing
 from pipelines.machine.assembly import parameter_vector
+from pipelines.stages.geometry import geometry
 
 
 def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequence[str]) -> None:
-    """Make the store of a configuration, or check that the store which is there belongs to it.
+    """Make the store of a configuration, or check that the one which is there belongs to it.
 
-    `named_cases` are all cases of the configuration, also those that will not be computed now. Raises
+    `named_cases` are all cases of the configuration, also those that will not be computed now; the geometry
+    of each is written here. Raises
     StoreError (another configuration, something else at this path) and OSError.
     """
     root = provenance(named_cases, argv)
     if store_path.exists():
-        open_for_writing(store_path, root)
+        store = open_for_writing(store_path, root)
     else:
-        create_store(store_path, {named.case_id: case_attributes(named) for named in named_cases}, root)
+        store = create_store(
+            store_path, {named.case_id: case_attributes(named) for named in named_cases}, root
+        )
+    for named in named_cases:
+        group = f"cases/{named.case_id}/machine"
+        if not store.has_group(group):
+            write_group(store, group, "machine", *geometry(named.case))
 
 
 def case_attributes(named: NamedCase) -> dict[str, Any]:
     """Name, origin, parameters at the start and scales, as JSON values; an infinite one is None."""
     scales = Scales.from_case(named.case)
     values = dict(zip(PARAMETERS, (float(value) for value in parameter_vector(named.case)), strict=True))
+    values["foil_stiffness"] = scales.bearings[0].foil_stiffness  # the vector has a stand-in for infinity
     return {
         "name": named.case_id,
         "reconstruction": named.resolved.get("note", ""),
