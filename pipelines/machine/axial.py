@@ -76,7 +76,7 @@ def uniform_operator(count: int) -> AxialOperator:
     weights = np.full(count, 1.0 / count)
     weights[-1] *= 0.5
     return AxialOperator(
-        stations=spacing * np.arange(1, count + 1),
+        stations=spacing * np.arange(1, count + 1, dtype=np.float64),
         second_derivative=second / spacing**2,
         side=side / spacing**2,
         weights=weights,

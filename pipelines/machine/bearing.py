@@ -114,7 +114,9 @@ class FilmState:
     force: Array  # (2) F / (p0 R L_b) on the journal
 
 
-def film_state(bearing: Bearing, unknowns: Array, journal: Array, phase: float, parameters: Array) -> FilmState:
+def film_state(
+    bearing: Bearing, unknowns: Array, journal: Array, phase: float, parameters: Array
+) -> FilmState:
     """Film thickness, rates and force of a bearing; ``journal`` = X, Y, dX/dtau, dY/dtau (Eq. 2, 3, 8, 9)."""
     local = _at_origin(bearing)
     nodes, stations = local.settings.nodes, local.settings.axial
@@ -167,60 +169,52 @@ def linearise_bearing(
     film.film_force_derivatives(
         state.padded_pressure.ravel(), local.integers, local.scalars, local.arrays, gradient
     )
-    flexibility, relaxation = film.foil_coefficients(parameters, local.integers, local.scalars)
-
-    # dh and d(dh/dtau) at the nodes as linear maps of du, dX, d(dX/dtau)
-    mean = sparse.kron(local.mean_weights[None, :], sparse.eye_array(nodes))
-    foil_rate = sparse.hstack([flexibility * mean, -relaxation * sparse.eye_array(nodes)])
-    thickness = sparse.hstack([sparse.csr_array((nodes, nodes * stations)), sparse.eye_array(nodes)])
-    trig = -np.stack([np.cos(local.angles), np.sin(local.angles)], axis=1)
-
-    pressure, by_thickness, by_rate = _film_matrices(terms, settings)
-    film_rows = pressure + by_thickness @ thickness + by_rate @ foil_rate
-    edge = _edge_columns(terms, settings, trig)
+    # h and dh/dtau at a padded station follow the journal with -(cos, sin)
+    trig = -local.arrays[: 2 * nodes + 4].reshape(2, nodes + 2).T
+    i = np.arange(nodes * stations) % nodes
+    position = terms[:, film.THICKNESS_BEFORE, None] * trig[i]
+    position += terms[:, film.THICKNESS_HERE, None] * trig[i + 1]
+    position += terms[:, film.THICKNESS_AFTER, None] * trig[i + 2]
+    foil = np.zeros((nodes, 2))  # its rate depends on the journal through the pressure only
+    coefficients = film.foil_coefficients(parameters, local.integers, local.scalars)
     return BearingLinearisation(
-        unknowns=sparse.vstack([film_rows, foil_rate]).tocsr(),
-        position=np.vstack([by_thickness @ trig + edge, np.zeros((nodes, 2))]),
-        velocity=np.vstack([by_rate @ trig, np.zeros((nodes, 2))]),
-        force=np.hstack([gradient.T, np.zeros((2, nodes))]),
+        unknowns=_unknowns_matrix(terms, settings, local.mean_weights, *coefficients),
+        position=np.vstack([position, foil]),
+        velocity=np.vstack([terms[:, film.THICKNESS_RATE, None] * trig[i + 1], foil]),
+        force=np.hstack([gradient.T, foil.T]),
     )
 
 
-def _film_matrices(
-    terms: Array, settings: FilmSettings
-) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
-    """The rows of ``terms`` as sparse matrices acting on du, on dh and on d(dh/dtau) at the nodes."""
+def _unknowns_matrix(
+    terms: Array, settings: FilmSettings, mean_weights: Array, flexibility: float, relaxation: float
+) -> sparse.csr_array:
+    """A: film rows from ``terms``, with dh/dtau = dq/dtau of the foil put in, then the foil rows (Eq. 8).
+
+    d(dq/dtau)_i = flexibility sum_l weights_l dp_{i,l} - relaxation dq_i
+    """
     nodes, stations = settings.nodes, settings.axial
     rows = np.arange(nodes * stations)
-    i, first = rows % nodes, rows - rows % nodes
+    i, first, foil = rows % nodes, rows - rows % nodes, nodes * stations
     before, after = (i - 1) % nodes, (i + 1) % nodes
-    inner = np.ones(rows.size, dtype=bool)
-    has_before, has_after = (inner, inner) if settings.periodic else (i > 0, i < nodes - 1)
-
-    def matrix(entries: list[tuple[NDArray[np.bool_], Array, Array]], columns: int) -> sparse.csr_array:
-        row = np.concatenate([rows[mask] for mask, _, _ in entries])
-        column = np.concatenate([target[mask] for mask, target, _ in entries])
-        value = np.concatenate([value[mask] for mask, _, value in entries])
-        return sparse.coo_array((value, (row, column)), shape=(rows.size, columns)).tocsr()
-
-    pressure = [(has_before, first + before, terms[:, film.BEFORE]), (has_after, first + after, terms[:, film.AFTER])]
-    pressure += [(inner, l * nodes + i, terms[:, film.HERE + l]) for l in range(stations)]
-    by_thickness = [
-        (has_before, before, terms[:, film.THICKNESS_BEFORE]),
-        (inner, i, terms[:, film.THICKNESS_HERE]),
-        (has_after, after, terms[:, film.THICKNESS_AFTER]),
+    # the neighbour of the first and last node is the foil's edge: no unknown
+    left, right = (rows, rows) if settings.periodic else (rows[i > 0], rows[i < nodes - 1])
+    by_rate = terms[:, film.THICKNESS_RATE]
+    entries = [
+        (left, first + before, terms[:, film.BEFORE]),
+        (right, first + after, terms[:, film.AFTER]),
+        (left, foil + before, terms[:, film.THICKNESS_BEFORE]),
+        (rows, foil + i, terms[:, film.THICKNESS_HERE] - relaxation * by_rate),
+        (right, foil + after, terms[:, film.THICKNESS_AFTER]),
     ]
-    by_rate = [(inner, i, terms[:, film.THICKNESS_RATE])]
-    return matrix(pressure, settings.unknowns), matrix(by_thickness, nodes), matrix(by_rate, nodes)
-
-
-def _edge_columns(terms: Array, settings: FilmSettings, trig: Array) -> Array:
-    """What the film thickness on the foil edge, which moves with the journal only, adds to dX: (rows, 2)."""
-    columns = np.zeros((terms.shape[0], 2))
-    if not settings.periodic:
-        edge = -np.array([np.cos(settings.edge_angle), np.sin(settings.edge_angle)])
-        first = np.arange(settings.axial) * settings.nodes
-        last = first + settings.nodes - 1
-        columns[first] += terms[first, film.THICKNESS_BEFORE, None] * edge
-        columns[last] += terms[last, film.THICKNESS_AFTER, None] * edge
-    return columns
+    for station, weight in enumerate(flexibility * mean_weights):
+        entries.append((rows, station * nodes + i, terms[:, film.HERE + station] + weight * by_rate))
+    row = [chosen for chosen, _, _ in entries]
+    column = [target[chosen] for chosen, target, _ in entries]
+    value = [values[chosen] for chosen, _, values in entries]
+    own = np.arange(nodes)
+    for block, weight in enumerate([*(flexibility * mean_weights), -relaxation]):
+        row.append(foil + own)
+        column.append(block * nodes + own)
+        value.append(np.full(nodes, weight))
+    places = (np.concatenate(row), np.concatenate(column))
+    return sparse.coo_array((np.concatenate(value), places), shape=(settings.unknowns,) * 2).tocsr()
