@@ -140,13 +140,18 @@ def moderate_rows() -> list[dict[str, str]]:
     return [row for row in rows if float(row["eps"]) <= 0.6 and float(row["Lambda"]) <= 5.0]
 
 
+def unknowns(grid: tuple[int, int]) -> int:
+    """Pressures and foil displacements of a bearing whose film ends at the foil's edge."""
+    return (grid[0] - 1) * (grid[1] + 1)
+
+
 def markdown(errors: dict[tuple[int, int], GridErrors]) -> str:
     """The table as Markdown text."""
     names = [field.name.replace("_", " ") for field in fields(GridErrors)]
     lines = ["| grid | unknowns of a bearing | " + " | ".join(names) + " |", "|---" * (len(names) + 2) + "|"]
-    for (circumferential, axial), row in errors.items():
+    for grid, row in errors.items():
         cells = " | ".join(f"{100.0 * value:.2f} %" for value in astuple(row))
-        lines.append(f"| {circumferential} × {axial} | {(circumferential - 1) * (axial + 1)} | {cells} |")
+        lines.append(f"| {grid[0]} × {grid[1]} | {unknowns(grid)} | {cells} |")
     return "\n".join(lines) + "\n"
 
 

@@ -82,8 +82,8 @@ def test_pressure_stays_positive_at_high_bearing_numbers(periodic: bool, grid: t
         case = film(grid, slenderness=slenderness, speed=speed, foil_stiffness=stiffness, periodic=periodic)
         position = (0.8 * np.cos(direction), 0.8 * np.sin(direction))
         lowest = case.state(case.steady(position), position).padded_pressure.min()
-        # The film that starts at ambient pressure on the edge where h = 0.2 keeps p h: p >= 0.2/1.8 = 0.11; the
-        # scheme may undershoot where it does not resolve the layer on the edge, but not to zero.
+        # A film that starts at ambient pressure on the edge where h = 0.2 keeps p h: p >= 0.2/1.8 = 0.11.
+        # The scheme may undershoot where it does not resolve the layer on the edge, but not to zero.
         assert lowest > 0.03, (slenderness, stiffness, speed, direction)
 
 
@@ -91,7 +91,7 @@ def test_pressure_stays_positive_at_high_bearing_numbers(periodic: bool, grid: t
 def test_limit_of_infinite_bearing_number(eccentricity: float) -> None:
     """W / (p0 L D) -> pi/eps sqrt(1 + 1.5 eps^2) (1 / sqrt(1 - eps^2) - 1), where p h is uniform.
 
-    Side leakage is confined to a layer as wide as Lambda^-1/2, and so is the missing force: W = W_inf - a Lambda^-1/2.
+    Side leakage is confined to a layer of width Lambda^-1/2, which sets the missing force.
     """
     square = eccentricity**2
     limit = np.pi / eccentricity * np.sqrt(1.0 + 1.5 * square) * (1.0 / np.sqrt(1.0 - square) - 1.0)
@@ -144,13 +144,13 @@ def test_full_counts_every_pressure() -> None:
 
 @pytest.mark.parametrize("clipping", ["gumbel", "smooth"])
 def test_clipping_leaves_a_positive_film_alone(clipping: str) -> None:
-    """With p > 1 everywhere the clipped force of a periodic film is the full one; the regularised up to w^2/4u."""
+    """With p > 1 everywhere the clipped force of a periodic film is the full one (regularised: + w^2/4u)."""
     clipping_and_full = [
         film(DEFAULT_GRID, slenderness=1.0, speed=1.0, clipping=name, smoothing=1e-4)
         for name in (clipping, "full")
     ]
     angles = clipping_and_full[0].bearing.angles
-    # The first harmonic carries the force, for which the sum of cell moments is normalised to the trapezoidal sum.
+    # The first harmonic carries the force; for it the cell moments are normalised to the trapezoidal sum.
     pressures = 1.4 + 0.1 * np.cos(angles + 0.4)
     unknowns = np.concatenate([np.tile(pressures, 3), np.zeros(angles.size)])
     force, expected = (case.state(unknowns, (0.0, 0.0)).force for case in clipping_and_full)
