@@ -21,8 +21,7 @@ def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequ
     """Make the store of a configuration, or check that the one which is there belongs to it.
 
     `named_cases` are all cases of the configuration, also those that will not be computed now; the geometry
-    of each is written here. Raises
-    StoreError (another configuration, something else at this path) and OSError.
+    of each is written here. Raises StoreError (another configuration, something else at this path), OSError.
     """
     root = provenance(named_cases, argv)
     if store_path.exists():
@@ -44,7 +43,7 @@ def case_attributes(named: NamedCase) -> dict[str, Any]:
     values["foil_stiffness"] = scales.bearings[0].foil_stiffness  # the vector has a stand-in for infinity
     return {
         "name": named.case_id,
-        "reconstruction": named.resolved.get("note", ""),
+        "reconstruction": named.case.note,
         "parameters": {name: value if math.isfinite(value) else None for name, value in values.items()},
         "scales": {
             "time": scales.time,
