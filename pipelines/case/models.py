@@ -55,6 +55,13 @@ class Case(Table):
         max_length=64,
         because="it names a group of the store",
     )
+    note: str = quantity(
+        "a remark that every figure of the case carries, for instance where the machine's data come from",
+        "",
+        "",
+        max_length=200,
+        because="it must fit below a figure",
+    )
     gas: Gas = table("the lubricating gas")
     rotor: Rotor = table("the flexible rotor")
     bearings: tuple[Bearing, Bearing] = table(

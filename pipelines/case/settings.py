@@ -72,7 +72,9 @@ class Numerics(Table):
     axial_scheme: Literal["chebyshev", "uniform"] = choice(
         "`chebyshev` collocation or the paper's `uniform` differences", "chebyshev"
     )
-    stepper: Literal["rk4"] = choice("time stepper of the period map", "rk4")
+    stepper: Literal["rk4", "butcher6", "dopri8"] = choice(
+        "explicit Runge-Kutta method of the period map: `rk4` the classical one, `butcher6`, `dopri8`", "rk4"
+    )
     steps_per_period: int | None = quantity(
         "time steps per excitation period; default: from the measured spectral radius",
         "",
@@ -136,6 +138,9 @@ class Linearize(Table):
         unit="1",
         min_length=1,
         max_length=1000,
+    )
+    ring: Literal["mean", "undeformed"] = choice(
+        "`mean`: rings at rest in their mean position; `undeformed`: the passive machine", "mean"
     )
     eigenvalues: int = quantity(
         "number of leading eigenvalues", "", 12, at_least=1, at_most=500, because="one is the least"
@@ -237,6 +242,22 @@ class ContinueCycles(Table):
         at_least=1,
         at_most=100_000,
         because="the store is laid out for them",
+    )
+    minimum_film: float = quantity(
+        "the branch ends where a film, anywhere on the orbit, becomes thinner than this part of its clearance",
+        "1",
+        0.01,
+        above=0,
+        below=1,
+        because="below it the journal touches the foil and the film equation no longer describes it",
+    )
+    amplitude: float = quantity(
+        "size of the first self-excited cycle beside its Hopf point, largest state component (displacement 0 only)",
+        "1",
+        0.01,
+        above=0,
+        below=1,
+        because="a cycle of no size is the equilibrium",
     )
     direction: Literal["up", "down", "both"] = choice("direction of the parameter at the start", "up")
 

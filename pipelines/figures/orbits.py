@@ -109,7 +109,7 @@ def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: i
         ("foil_displacement", r"foil $\bar{q}$ [–]", 0.0),
         ("film_thickness", r"film thickness $\bar{h}$ [–]", None),
     )
-    degrees = np.degrees(branch["theta"])
+    degrees = np.degrees(branch["theta"] % (2.0 * np.pi))  # (bearing, theta)
     snapshots = branch["film_pressure"].shape[1]
     chosen = np.unique(np.linspace(0, snapshots, min(SNAPSHOTS, snapshots), endpoint=False).astype(int))
     for row, (array, label, reference) in enumerate(rows):
@@ -119,7 +119,7 @@ def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: i
                 axes.axhline(reference, color="#666666", linewidth=0.8, linestyle=":")
             for number, snapshot in enumerate(chosen):
                 axes.plot(
-                    degrees,
+                    degrees[bearing],
                     branch[array][point, snapshot, bearing],
                     color=style.CYCLE[number],
                     label=rf"$\tau/T$ = {snapshot / snapshots:.3g}",

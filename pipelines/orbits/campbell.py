@@ -85,9 +85,9 @@ class Resonance:
 
 
 def campbell_diagram(
-    machine: Machine, parameters: Array, speeds: Array, visit: Callable[[int], bool] | None = None
+    machine: Machine, parameters: Array, speeds: Array, visit: Callable[[int], None] | None = None
 ) -> CampbellDiagram:
-    """Follow the oscillating modes over rising ``speeds``; ``visit(index)`` is called per speed, False stops."""
+    """Follow the oscillating modes over rising ``speeds``; ``visit(index)`` is called before each."""
     rows: list[dict[int, complex]] = []
     whirl: list[dict[int, int]] = []
     states: list[Array | None] = []
@@ -95,8 +95,8 @@ def campbell_diagram(
     last: dict[int, tuple[complex, ComplexArray]] = {}
     top, guess, known = 1.2 * float(speeds[-1]), None, 0
     for index, speed in enumerate(speeds):
-        if visit is not None and not visit(index):
-            break
+        if visit is not None:
+            visit(index)
         equilibrium = machine_equilibrium(machine, at_speed(parameters, speed), guess)
         rows.append({})
         whirl.append({})

@@ -276,7 +276,7 @@ def write_branch(store: Store, group: str, points: int) -> None:
     }
     sizes |= {"coordinate": 2 * len(MASTERS), "snapshot": SNAPSHOTS, "theta": THETAS}
     static = {
-        "theta": theta,
+        "theta": np.tile(theta, (2, 1)),
         "sample": np.arange(SAMPLES) / SAMPLES,
         "snapshot": np.arange(SNAPSHOTS) / SNAPSHOTS,
         "coordinate_node": np.repeat(MASTERS, 2),

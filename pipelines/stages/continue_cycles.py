@@ -1,0 +1,155 @@
+"""`agfb continue-cycles`: branches of limit cycles with their Floquet multipliers and bifurcations, point by point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipelines.bifurcations.arclength import (
+    BranchPoint,
+    BranchResult,
+    BranchStart,
+    BranchState,
+    BranchStop,
+    continue_branch,
+)
+from pipelines.bifurcations.detection import Event
+from pipelines.case.reading import NamedCase
+from pipelines.datasets.branch import BranchWriter, open_branch
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.records import ENDED
+from pipelines.datasets.schema import KINDS
+from pipelines.datasets.store import Store, open_for_writing
+from pipelines.machine.assembly import Machine, build_machine
+from pipelines.orbits.shooting import CycleProblem
+
+from pipelines.stages.cycle_problem import (
+    FirstCycle,
+    NoStart,
+    continuation_options,
+    cycle_problem,
+    first_cycle,
+    ramped_cycle,
+)
+from pipelines.stages.cycle_rows import BranchRecorder, branch_sizes, resumed_state, static_arrays
+from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+
+DIRECTIONS = {"up": (1,), "down": (-1,), "both": (1, -1)}
+COMPLETE = frozenset({BranchStop.RANGE, BranchStop.CLOSED, BranchStop.MAXIMUM_POINTS, BranchStop.LIMIT})
+NO_START = "START"
+
+
+def continue_cycles(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Fill the groups ``cycles/b000``, ... of a case, one branch per direction; resumes behind the last point."""
+    store = open_for_writing(store_path)
+    machine = build_machine(case.case)
+    problem = cycle_problem(machine, case.case)
+    groups = []
+    for number, direction in enumerate(DIRECTIONS[case.case.continue_cycles.direction]):
+        if should_stop():
+            break
+        group = f"cases/{case.case_id}/cycles/b{number:03d}"
+        groups.append(group)
+        with _open(store, group, machine, case, problem) as branch:
+            if not _is_complete(branch, case.case.continue_cycles.max_points):
+                _follow(store, group, branch, machine, case, problem, direction, report, should_stop)
+    return _result(case, store, groups)
+
+
+def _open(store: Store, group: str, machine: Machine, case: NamedCase, problem: CycleProblem) -> BranchWriter:
+    table = case.case.continue_cycles
+    # More points may be asked for later; everything else must stay as it was.
+    request = table.model_dump(mode="json", exclude={"max_points"})
+    attributes = {"parameter": table.parameter, "formulation": table.formulation, "request": request}
+    sizes, static = branch_sizes(machine, case.case, problem), static_arrays(machine, case.case)
+    return open_branch(store, group, "cycles", sizes, static, attributes)
+
+
+def _is_complete(branch: BranchWriter, max_points: int) -> bool:
+    """Whether an earlier run has ended the branch for good."""
+    newest = branch.resume_row()
+    if branch.status != ENDED or newest is None:
+        return False
+    return newest.stop_reason != BranchStop.MAXIMUM_POINTS.name.lower() or newest.n_points >= max_points
+
+
+def _follow(
+    store: Store,
+    group: str,
+    branch: BranchWriter,
+    machine: Machine,
+    case: NamedCase,
+    problem: CycleProblem,
+    direction: int,
+    report: Report,
+    should_stop: ShouldStop,
+) -> None:
+    """Trace one branch into its group, from its first cycle or from the last committed point."""
+    table = case.case.continue_cycles
+
+    def told(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
+        message = f"{table.parameter} {state.parameter:.5g}, largest multiplier {abs(state.multipliers[0]):.4f}"
+        message += "".join(f", {event.kind.name.lower().replace('_', ' ')}" for event in events)
+        report(Progress("continue-cycles", case.case_id, state.index + 1, table.max_points, message))
+
+    recorder = BranchRecorder(machine, branch, table.minimum_film, told)
+
+    def run(start: BranchStart | BranchState, towards: int) -> BranchResult:
+        options = continuation_options(case.case, towards)
+        return continue_branch(problem, start, options, recorder.record, recorder.limit, should_stop)
+
+    newest = branch.resume_row()
+    if newest is not None:
+        first = read_group(store, group, ("state", "period", table.parameter)).arrays
+        _end(branch, run(resumed_state(newest, first, table.parameter), direction))
+        return
+    report(Progress("continue-cycles", case.case_id, 0, table.max_points, "looking for the first cycle"))
+    found = first_cycle(machine, case.case, problem)
+    if isinstance(found, FirstCycle):
+        result = run(found.start, found.direction or direction)
+        if result.stop is not BranchStop.START_FAILED or found.direction:
+            _end(branch, result)
+            return
+        found = ramped_cycle(machine, case.case, problem)
+    if isinstance(found, NoStart):
+        branch.finish(NO_START.lower(), f"{found.reason}: {found.advice}")
+        return
+    _end(branch, run(found.start, direction))
+
+
+def _end(branch: BranchWriter, result: BranchResult) -> None:
+    """Store why the branch ended; an interrupted one stays open."""
+    if result.stop is not BranchStop.INTERRUPTED:
+        advice = result.stop.advice if not result.message else f"{result.message}; {result.stop.advice}"
+        branch.finish(result.stop.name.lower(), advice)
+
+
+def _result(case: NamedCase, store: Store, groups: list[str]) -> StageResult:
+    """How the branches of a case ended: the case is well when all of them are."""
+    points, reasons, advice, summary = 0, [], [], {}
+    complete = {stop.name.lower() for stop in COMPLETE}
+    ok = True
+    for group in groups:
+        content = read_group(store, group, ("event_kind", f"event_{case.case.continue_cycles.parameter}"))
+        attributes = content.attributes
+        points += attributes["n_points"]
+        reasons.append(attributes["stop_reason"] or "stopped on request")
+        advice.append(attributes["stop_advice"])
+        ok = ok and (attributes["status"] != ENDED or attributes["stop_reason"] in complete)
+        summary |= _events_summary(content.arrays, case.case.continue_cycles.parameter, summary)
+    summary = {"points": points} | summary
+    return StageResult(case.case_id, ok, ", ".join(reasons), " ".join(filter(None, advice)), summary)
+
+
+def _events_summary(arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any]) -> dict[str, str]:
+    """Where the bifurcations lie, by kind: 'neimark sacker' -> '1.0391, 1.2012'."""
+    meanings = KINDS["cycles"].array("event_kind").flags
+    found: dict[str, str] = {}
+    for kind, value in zip(arrays["event_kind"], arrays[f"event_{parameter}"], strict=True):
+        name = meanings[int(kind)].replace("_", " ")
+        before = found.get(name, known.get(name))
+        found[name] = f"{value:.8g}" if before is None else f"{before}, {value:.8g}"
+    return found

@@ -1,0 +1,215 @@
+"""`agfb criticals`: Campbell diagram, critical speeds, predicted parametric resonances, full against condensed rotor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.case.models import Case
+from pipelines.case.reading import NamedCase
+from pipelines.datasets.branch import write_group
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.schema import KINDS
+from pipelines.datasets.store import Store, open_for_writing
+from pipelines.machine.assembly import Machine, build_machine, parameter_vector
+from pipelines.machine.condensation_check import CondensationComparison, compare_condensation
+from pipelines.machine.rotor_modes import LinearBearing
+from pipelines.orbits.campbell import (
+    CampbellDiagram,
+    CriticalSpeed,
+    Resonance,
+    campbell_diagram,
+    critical_speeds,
+    parametric_resonances,
+)
+from pipelines.orbits.equilibrium import machine_equilibrium
+from pipelines.orbits.linear import at_speed, dynamic_stiffness
+
+from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+
+Array = NDArray[np.float64]
+
+COMPARED_MODES = 8
+# The unbalance of the comparison: the rotor's mass, off its axis by this part of the clearance.
+UNBALANCE_ECCENTRICITY = 0.01
+
+FINISHED = "all speeds are computed"
+NO_CRITICAL = "no critical speed lies inside the range"
+
+
+class _Stopped(Exception):
+    """The user asked to stop."""
+
+
+def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Write the group ``criticals`` of a case at once; computed again only when its table has changed."""
+    store, group = open_for_writing(store_path), f"cases/{case.case_id}/criticals"
+    request = case.case.criticals.model_dump(mode="json")
+    if store.has_group(group) and read_group(store, group, ()).attributes.get("request") == request:
+        return _result(case.case_id, store, group)
+    machine, parameters = build_machine(case.case), parameter_vector(case.case)
+    table = case.case.criticals
+    total = table.points + table.unbalance_points
+
+    def visit(done: int) -> None:
+        if should_stop():
+            raise _Stopped
+        report(Progress("criticals", case.case_id, done, total))
+
+    try:
+        diagram = _diagram(machine, parameters, case.case, visit)
+        critical = critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
+        comparison = _comparison(machine, parameters, case.case, visit)
+    except _Stopped:
+        return StageResult(case.case_id, True, "stopped on request")
+    resonances = parametric_resonances([one.speed for one in critical], table.orders)
+    arrays = _campbell_arrays(diagram) | _critical_arrays(machine, critical) | _resonance_arrays(resonances)
+    if comparison is not None:
+        arrays |= _comparison_arrays(machine, comparison)
+    missing = [f"speed {diagram.speeds[index]:.4g}: {reason}" for index, reason in diagram.missing.items()]
+    write_group(store, group, "criticals", arrays, {"request": request, "speeds_without_equilibrium": missing})
+    report(Progress("criticals", case.case_id, total, total))
+    return _result(case.case_id, store, group)
+
+
+def _diagram(machine: Machine, parameters: Array, case: Case, visit: Any) -> CampbellDiagram:
+    table = case.criticals
+    speeds = np.linspace(*table.speed_range, table.points)
+    return campbell_diagram(machine, parameters, speeds, visit)
+
+
+def _comparison(machine: Machine, parameters: Array, case: Case, visit: Any) -> CondensationComparison | None:
+    """Full against condensed rotor on the films' synchronous coefficients; None without any equilibrium."""
+    table, scales = case.criticals, machine.scales
+    speeds: list[float] = []
+    coefficients: list[list[NDArray[np.complex128]]] = []
+    guess = None
+    for index, speed in enumerate(np.linspace(*table.speed_range, table.unbalance_points)):
+        visit(table.points + index)
+        at = at_speed(parameters, float(speed))
+        equilibrium = machine_equilibrium(machine, at, guess)
+        if not equilibrium.converged:
+            continue
+        guess = equilibrium.state
+        speeds.append(float(speed))
+        coefficients.append(_synchronous_coefficients(machine, guess, at, float(speed)))
+    if not speeds:
+        return None
+    complex_stiffness = np.array(coefficients)  # (speeds, bearings, 2, 2), in N/m
+    dimensional = np.array(speeds) / scales.time  # rad/s
+    bearings = [
+        LinearBearing(
+            table_of.node,
+            complex_stiffness[:, index].real,
+            complex_stiffness[:, index].imag / dimensional[:, None, None],
+        )
+        for index, table_of in enumerate(case.bearings)
+    ]
+    at_operation = int(np.argmin(np.abs(np.array(speeds) - parameters[0])))
+    return compare_condensation(
+        machine.rotor, machine.condensed.masters, bearings, dimensional,
+        unbalance=_unbalance(machine, case), modal_index=at_operation, modes=COMPARED_MODES,
+        max_damping_ratio=table.max_damping_ratio,
+    )  # fmt: skip
+
+
+def _synchronous_coefficients(
+    machine: Machine, state: Array, parameters: Array, speed: float
+) -> list[NDArray[np.complex128]]:
+    """K + i Omega C of every bearing [N/m] for whirl at the rotating speed."""
+    result = []
+    for index, bearing in enumerate(machine.bearings):
+        own = machine.scales.bearings[index]
+        unknowns, position = state[machine.film_unknowns(index)], machine.journal(state, index)[:2]
+        dimensionless = dynamic_stiffness(bearing, unknowns, position, parameters, np.array([1j * speed]))[0]
+        result.append(dimensionless * own.force / (own.clearance_ratio * machine.scales.displacement))
+    return result
+
+
+def _unbalance(machine: Machine, case: Case) -> dict[int, complex]:
+    """Unbalance [kg m] of ``UNBALANCE_ECCENTRICITY``, shared in phase by the discs or, without any, the bearings."""
+    nodes = [disc.node for disc in case.rotor.discs] or [bearing.node for bearing in case.bearings]
+    mass = float(machine.rotor.mass[0::4, 0::4].sum())
+    share = mass * UNBALANCE_ECCENTRICITY * machine.scales.displacement / len(nodes)
+    amounts: dict[int, complex] = dict.fromkeys(nodes, 0.0)
+    for node in nodes:
+        amounts[node] += share
+    return amounts
+
+
+def _campbell_arrays(diagram: CampbellDiagram) -> dict[str, Any]:
+    return {
+        "speed": diagram.speeds,
+        "frequency": diagram.eigenvalues.imag,
+        "damping_ratio": diagram.damping_ratios,
+        "direction": np.where(np.isfinite(diagram.eigenvalues), _direction_flags(diagram.directions), -1).astype(np.int8),
+    }
+
+
+def _direction_flags(directions: NDArray[np.int8]) -> NDArray[np.int8]:
+    """Stored flag of +1 forward, -1 backward, 0 planar."""
+    flag = KINDS["criticals"].array("direction").flag
+    table = {1: flag("forward"), -1: flag("backward"), 0: flag("mixed")}
+    return np.vectorize(table.__getitem__, otypes=[np.int8])(directions)
+
+
+def _critical_arrays(machine: Machine, critical: list[CriticalSpeed]) -> dict[str, Any]:
+    shapes = np.array([one.shape for one in critical], dtype=np.complex128)
+    directions = np.array([one.direction for one in critical], dtype=np.int8)
+    return {
+        "critical_speed": np.array([one.speed for one in critical]),
+        "critical_damping_ratio": np.array([one.damping_ratio for one in critical]),
+        "critical_direction": _direction_flags(directions),
+        "critical_mode_shape": shapes.reshape(len(critical), machine.rotor.nodes, 2),
+    }
+
+
+def _resonance_arrays(resonances: list[Resonance]) -> dict[str, Any]:
+    kind = KINDS["criticals"].array("resonance_kind")
+    return {
+        "resonance_frequency": np.array([one.frequency for one in resonances]),
+        "resonance_j": np.array([one.first for one in resonances], dtype=np.int32),
+        "resonance_k": np.array([one.second for one in resonances], dtype=np.int32),
+        "resonance_order": np.array([one.order for one in resonances], dtype=np.int32),
+        "resonance_kind": np.array([kind.flag(one.kind) for one in resonances], dtype=np.int8),
+    }
+
+
+def _comparison_arrays(machine: Machine, comparison: CondensationComparison) -> dict[str, Any]:
+    """The comparison in dimensionless frequencies and amplitudes over the clearance."""
+    modal, scales = comparison.modal, machine.scales
+    masters = list(machine.condensed.masters)
+
+    def amplitudes(response: NDArray[np.complex128]) -> Array:
+        """Largest displacement along the ellipse of every master, (speeds, masters), over the clearance."""
+        x, y = response[:, masters, 0], response[:, masters, 1]
+        # semi-major axis of the orbit Re((x, y) exp(i t))
+        squares = np.abs(x) ** 2 + np.abs(y) ** 2
+        return np.asarray(np.sqrt(0.5 * (squares + np.abs(x**2 + y**2))) / scales.displacement)
+
+    return {
+        "full_frequency": modal.full_frequency * scales.time,
+        "condensed_frequency": modal.condensed_frequency * scales.time,
+        "full_decrement": modal.full_decrement,
+        "condensed_decrement": modal.condensed_decrement,
+        "mac": modal.mac,
+        "unbalance_speed": comparison.speeds * scales.time,
+        "response_node": np.array(masters, dtype=np.int32),
+        "unbalance_full": amplitudes(comparison.unbalance_full),
+        "unbalance_condensed": amplitudes(comparison.unbalance_condensed),
+    }
+
+
+def _result(case_id: str, store: Store, group: str) -> StageResult:
+    content = read_group(store, group, ("critical_speed", "resonance_frequency"))
+    critical, resonances = content.arrays["critical_speed"], content.arrays["resonance_frequency"]
+    lowest = float(critical[0]) if critical.size else None
+    summary = {"critical speeds": int(critical.size), "lowest": lowest, "resonances": int(resonances.size)}
+    missing = content.attributes["speeds_without_equilibrium"]
+    if critical.size:
+        return StageResult(case_id, True, FINISHED, "", summary)
+    advice = missing[-1] if missing else "widen criticals.speed_range or raise criticals.max_damping_ratio"
+    return StageResult(case_id, not missing, NO_CRITICAL, advice, summary)

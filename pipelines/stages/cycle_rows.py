@@ -1,0 +1,188 @@
+"""Branch points as rows of a store, and rows as the state from which a branch goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.bifurcations.arclength import BranchPoint, BranchState
+from pipelines.bifurcations.detection import Event, EventKind
+from pipelines.case.models import PARAMETERS, Case
+from pipelines.datasets.records import Branch, Resume
+from pipelines.datasets.schema import KINDS
+from pipelines.machine.assembly import Machine
+from pipelines.machine.rates import BEARINGS
+from pipelines.orbits.machine_cycles import CycleShape, cycle_shape
+from pipelines.orbits.shooting import CycleProblem
+
+from pipelines.stages.cycle_problem import ORBIT_SAMPLES
+
+Array = NDArray[np.float64]
+
+SNAPSHOTS = 8
+
+
+def branch_sizes(machine: Machine, case: Case, problem: CycleProblem) -> dict[str, int]:
+    """Sizes of the dimensions of a branch's group."""
+    size, columns = problem.period_map.size, problem.options.basis.maximum_columns
+    return {
+        "point": case.continue_cycles.max_points,
+        "component": size,
+        "extended": size + 2,
+        "multiplier": columns,
+        "column": columns,
+        "sample": ORBIT_SAMPLES,
+        "coordinate": machine.rotor_freedoms,
+        "bearing": BEARINGS,
+        "snapshot": SNAPSHOTS,
+        "theta": max(bearing.settings.nodes for bearing in machine.bearings),
+        "iteration": problem.options.iterations + 1,
+    }
+
+
+def static_arrays(machine: Machine, case: Case) -> dict[str, Any]:
+    """Coordinates of a branch's group that are written once."""
+    theta = np.full((BEARINGS, max(bearing.settings.nodes for bearing in machine.bearings)), np.nan)
+    for index, bearing in enumerate(machine.bearings):
+        theta[index, : bearing.settings.nodes] = bearing.angles
+    return {
+        "theta": theta,
+        "sample": np.arange(ORBIT_SAMPLES) / ORBIT_SAMPLES,
+        "snapshot": np.arange(SNAPSHOTS) / SNAPSHOTS,
+        "coordinate_node": np.repeat(np.array(case.rotor.masters, dtype=np.int32), 2),
+        "coordinate_axis": np.tile(np.array([0, 1], dtype=np.int8), len(case.rotor.masters)),
+    }
+
+
+class BranchRecorder:
+    """Writes every accepted point of a branch, and stops the branch where a film becomes too thin.
+
+    The shape of a cycle is needed by both and computed once, in ``limit``, which the engine asks first.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        branch: Branch,
+        thinnest: float,
+        told: Callable[[BranchPoint, BranchState, tuple[Event, ...]], None],
+    ) -> None:
+        self._machine, self._branch, self._thinnest, self._told = machine, branch, thinnest, told
+        self._shape: CycleShape | None = None
+
+    def limit(self, point: BranchPoint) -> str | None:
+        """A sentence if the journal touches the foil somewhere on the orbit, else None."""
+        self._shape = cycle_shape(self._machine, point.cycle.image.orbit, point.cycle.parameters, snapshots=SNAPSHOTS)
+        film = self._shape.film_trace.min(axis=0)
+        bearing = int(np.argmin(film))
+        if film[bearing] >= self._thinnest:
+            return None
+        return (
+            f"the journal touches the foil of bearing {bearing}: its film shrinks to {film[bearing]:.3g} of the "
+            f"clearance (limit {self._thinnest:g})"
+        )
+
+    def record(self, point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
+        """Commit the point ``limit`` has just passed, with the events that lead to it."""
+        assert self._shape is not None
+        rows = [event_row(event, state.index - 1) for event in events]
+        rows += [unlocated_row(kind, point, state.index - 1) for kind in point.unlocated]
+        slots = {"basis": state.basis, "basis_columns": state.basis.shape[1]}
+        self._branch.commit(point_row(point, state, self._shape), slots, rows)
+        self._told(point, state, events)
+
+
+def point_row(point: BranchPoint, state: BranchState, shape: CycleShape) -> dict[str, Any]:
+    """One row of the group ``cycles``."""
+    spectrum = point.cycle.spectrum
+    return {
+        **dict(zip(PARAMETERS, point.cycle.parameters, strict=True)),
+        "period": state.period,
+        "state": state.state,
+        "tangent": np.concatenate([state.tangent_state, [state.tangent_period, state.tangent_parameter]]),
+        "step": state.step,
+        "arclength": state.arclength,
+        "direction": np.int8(state.tangent_parameter > 0.0),
+        "multipliers": spectrum.multipliers,
+        "multiplier_residual": spectrum.residuals,
+        "multiplier_count": len(spectrum.multipliers),
+        "unstable_count": point.unstable,
+        "orbit": shape.orbit,
+        "orbit_minimum": shape.minimum,
+        "orbit_maximum": shape.maximum,
+        "minimum_film": shape.film_trace.min(axis=0),
+        "minimum_film_trace": shape.film_trace,
+        "film_pressure": shape.pressure,
+        "foil_displacement": shape.foil,
+        "film_thickness": shape.thickness,
+        "newton_iterations": point.iterations,
+        "newton_history": np.array(point.residual_norms),
+        "steps_per_period": state.steps,
+    }
+
+
+def event_row(event: Event, after_point: int) -> dict[str, Any]:
+    """One located bifurcation."""
+    cycles = KINDS["cycles"]
+    return {
+        "event_kind": np.int8(cycles.array("event_kind").flag(event.kind.name.lower())),
+        "event_after_point": after_point,
+        **{f"event_{name}": value for name, value in zip(PARAMETERS, event.parameters, strict=True)},
+        "event_period": event.period,
+        "event_state": event.state,
+        "event_multipliers": event.multipliers,
+        "event_angle": event.angle,
+        "event_transversality": event.transversality,
+        "event_resonance": np.int8(cycles.array("event_resonance").flag(_resonance_name(event))),
+        "event_residual": event.residual,
+    }
+
+
+def _resonance_name(event: Event) -> str:
+    return "none" if event.resonance.value == 0 else event.resonance.name
+
+
+def unlocated_row(kind: EventKind, point: BranchPoint, after_point: int) -> dict[str, Any]:
+    """A bifurcation that was detected before a point but not located: the point's own values, no residual."""
+    cycles, unknowns = KINDS["cycles"], point.cycle.unknowns
+    return {
+        "event_kind": np.int8(cycles.array("event_kind").flag(kind.name.lower())),
+        "event_after_point": after_point,
+        **{f"event_{name}": value for name, value in zip(PARAMETERS, point.cycle.parameters, strict=True)},
+        "event_period": unknowns.period,
+        "event_state": unknowns.state,
+        "event_multipliers": point.cycle.spectrum.multipliers,
+        "event_angle": np.nan,
+        "event_transversality": np.nan,
+        "event_resonance": np.int8(cycles.array("event_resonance").flag("none")),
+        "event_residual": np.nan,
+    }
+
+
+def resumed_state(newest: Resume, first: Mapping[str, Array], parameter: str) -> BranchState:
+    """The state after the newest row; ``first`` holds state, period and parameters of row 0."""
+    row = newest.row
+    count, columns = int(row["multiplier_count"]), int(newest.slots["basis_columns"])
+    tangent = row["tangent"]
+    return BranchState.from_arrays(
+        {
+            "index": newest.n_points - 1,
+            "state": row["state"],
+            "period": row["period"],
+            "parameter": row[parameter],
+            "tangent_state": tangent[:-2],
+            "tangent_period": tangent[-2],
+            "tangent_parameter": tangent[-1],
+            "step": row["step"],
+            "arclength": row["arclength"],
+            "steps": row["steps_per_period"],
+            "basis": newest.slots["basis"][:, :columns],
+            "multipliers": row["multipliers"][:count],
+            "start_state": first["state"][0],
+            "start_period": first["period"][0],
+            "start_parameter": first[parameter][0],
+        }
+    )
