@@ -107,7 +107,7 @@ def _check_chunks(store: Store, group: str, metadata: GroupMetadata, array: Arra
 def _check_written(
     metadata: GroupMetadata, array: ArrayLayout, content: np.ndarray, first: int
 ) -> Iterator[Finding]:
-    unwritten = np.flatnonzero(~np.isfinite(content))
+    unwritten = np.flatnonzero(np.isnan(content))
     if len(unwritten):
         yield Finding(
             metadata.folder / array.spec.name,

@@ -85,7 +85,7 @@ def _checksum(attributes: Mapping[str, Any]) -> int:
 def group_folder(store: Path, group: str) -> Path:
     """Folder of a group. Raises StoreError for names that leave the store, and for links on the way."""
     folder = store
-    for name in filter(None, group.split("/")):
+    for name in group.split("/") if group else ():
         if not _NAME.fullmatch(name):
             raise StoreError(
                 f"{group!r} is not the name of a group", "Names have letters, digits and _ . = , @ -", store

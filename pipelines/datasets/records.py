@@ -112,7 +112,7 @@ def fit_all(arrays: Mapping[str, ArrayLayout], values: Values, whole: bool = Fal
 def fit(array: ArrayLayout, value: Any, shape: tuple[int, ...]) -> Array:
     """A value in the array's type, filled up to ``shape`` where the schema allows shorter data."""
     spec, given = array.spec, np.asarray(value)
-    if not np.can_cast(given.dtype, spec.dtype, "same_kind") and not _is_small_integer(given, spec.dtype):
+    if not _is_representable(given, np.dtype(spec.dtype)):
         raise ValueError(f"{spec.name}: {given.dtype} given, {spec.dtype} expected")
     short = (
         spec.padded
@@ -126,8 +126,10 @@ def fit(array: ArrayLayout, value: Any, shape: tuple[int, ...]) -> Array:
     return fitted
 
 
-def _is_small_integer(given: Array, dtype: str) -> bool:
-    if given.dtype.kind not in "iub" or np.dtype(dtype).kind != "i":
+def _is_representable(given: Array, dtype: np.dtype[Any]) -> bool:
+    if dtype.kind != "i":
+        return np.can_cast(given.dtype, dtype, "same_kind")
+    if given.dtype.kind not in "iub":
         return False
     limits = np.iinfo(dtype)
     return given.size == 0 or bool(limits.min <= given.min() and given.max() <= limits.max)

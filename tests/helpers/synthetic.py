@@ -9,7 +9,7 @@ import numpy as np
 
 from pipelines.datasets.branch import BranchWriter, open_branch, write_group
 from pipelines.datasets.records import Branch, Resume
-from pipelines.datasets.schema import KINDS, ArrayLayout
+from pipelines.datasets.schema import ArrayLayout, layout
 from pipelines.datasets.store import Store, create_store, open_for_writing
 
 GROUP = "cases/synthetic/cycles/b000"
@@ -86,11 +86,8 @@ def _values(array: ArrayLayout, state: np.ndarray, number: int) -> np.ndarray:
 
 def static(sizes: dict[str, int]) -> dict[str, np.ndarray]:
     """The arrays that are written once."""
-    specs = [s for s in KINDS["cycles"].arrays if s.dimensions[0] not in ("point", "event", "slot")]
     return {
-        s.name: np.arange(sizes[s.dimensions[0]]) % 2
-        if s.dtype == "int8"
-        else np.arange(sizes[s.dimensions[0]])
-        for s in specs
-        if s.dimensions[0] in sizes
+        name: np.resize(np.arange(2 if a.spec.dtype == "int8" else 1000), a.shape)
+        for name, a in layout("cycles", {**sizes, "slot": 2}).items()
+        if a.role == "static"
     }

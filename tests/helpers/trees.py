@@ -12,7 +12,7 @@ def tree(folder: Path) -> dict[str, bytes | None]:
 
 
 def compare_trees(first: Path, second: Path) -> list[str]:
-    """One sentence for every difference in names or bytes between two folders; empty when they are identical."""
+    """One sentence for every difference in names or bytes of two folders; empty when they are identical."""
     left, right = tree(first), tree(second)
     found = [f"{name}: only in {first.name}" for name in left if name not in right]
     found += [f"{name}: only in {second.name}" for name in right if name not in left]

@@ -1,4 +1,4 @@
-"""Every single write fails once, on a full disk: nothing committed is lost and resuming gives the same bytes."""
+"""Every write fails once, on a full disk: nothing committed is lost and resuming gives the same bytes."""
 
 from __future__ import annotations
 
