@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 from numba import njit
 
 from pipelines.machine.kernels import RATES, TANGENT
 from pipelines.orbits.system import DynamicalSystem
 
-# --- Tondl's self-excited oscillator with parametric coupling, tests/reference/tondl_verified_points.csv --------------
+# --- Tondl's self-excited oscillator with parametric coupling, tests/reference/tondl_verified_point
 
 _P, _K1, _K2, _K12, _EPS, _C2, _GAMMA, _KAPPA = 0.5, 1.0, 3.0, 0.6, 0.5, 0.2, 0.3, 0.2
 
@@ -19,7 +18,9 @@ def tondl_rates(phase, s, p, constants, layout, work, out):  # type: ignore[no-u
     coupling = _K12 * (1.0 + _EPS * np.sin(phase))
     out[0] = s[2]
     out[1] = s[3]
-    out[2] = _P + p[0] * s[2] - _GAMMA * s[2] ** 3 - _K1 * s[0] - _KAPPA * s[0] ** 3 - coupling * (s[0] - s[1])
+    out[2] = (
+        _P + p[0] * s[2] - _GAMMA * s[2] ** 3 - _K1 * s[0] - _KAPPA * s[0] ** 3 - coupling * (s[0] - s[1])
+    )
     out[3] = -_C2 * s[3] - _K2 * s[1] - coupling * (s[1] - s[0])
 
 
@@ -42,7 +43,7 @@ def tondl() -> DynamicalSystem:
     return DynamicalSystem(4, tondl_rates, tondl_tangent, ("c1", "eta"), forcing=1)
 
 
-# --- Linear systems s' = A(phase) s ------------------------------------------------------------------------------------
+# --- Linear systems s' = A(phase) s ---------------------------------------------------------------
 
 
 @njit(RATES, cache=True)
@@ -89,7 +90,7 @@ def parametric_pair(damping: tuple[float, float]) -> DynamicalSystem:
     )
 
 
-# --- Hopf normal form beside a linear pair -----------------------------------------------------------------------------
+# --- Hopf normal form beside a linear pair --------------------------------------------------------
 
 
 @njit(RATES, cache=True)
@@ -117,17 +118,18 @@ def hopf_tangent(phase, s, block, p, constants, layout, work, out):  # type: ign
 
 
 def hopf_pair(decay: float = -0.1, frequency: float = 0.4, drive: float = 0.3) -> DynamicalSystem:
-    """z' = (mu + i) z - (1 - i b) z abs(z)^2, and a pair with eigenvalues decay +- i frequency driven by Re z.
+    """z' = (mu + i) z - (1 - i b) z abs(z)^2, and a pair with eigenvalues decay +- i frequency driven by Re
+    z.
 
-    Parameters (mu, b).  The cycle has abs(z)^2 = mu, T = 2 pi / (1 + b mu) and the multipliers 1, exp(-2 mu T),
-    exp((decay +- i frequency) T).
+    Parameters (mu, b).  The cycle has abs(z)^2 = mu, T = 2 pi / (1 + b mu) and the multipliers 1, exp(-2 mu
+    T), exp((decay +- i frequency) T).
     """
     return DynamicalSystem(
         4, hopf_rates, hopf_tangent, ("mu", "b"), constants=np.array([decay, frequency, drive])
     )
 
 
-# --- Forced Duffing oscillator -----------------------------------------------------------------------------------------
+# --- Forced Duffing oscillator --------------------------------------------------------------------
 
 
 @njit(RATES, cache=True)
@@ -154,5 +156,3 @@ def closed_form_hopf_multipliers(mu: float, b: float, decay: float, frequency: f
     pair = np.exp((decay + 1j * frequency) * period)
     values = np.array([1.0, np.exp(-2.0 * mu * period), pair, np.conj(pair)])
     return values[np.argsort(-np.abs(values), kind="stable")]
-
-

@@ -54,7 +54,9 @@ class BranchStop(Enum):
     RANGE = "the end of the parameter range is reached: widen the range to go on"
     CLOSED = "the branch closed on its first point: nothing more to compute"
     MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
-    MINIMUM_STEP = "the step fell below its minimum: lower minimum_step, tighten the grid or allow more iterations"
+    MINIMUM_STEP = (
+        "the step fell below its minimum: lower minimum_step, tighten the grid or allow more iterations"
+    )
     LIMIT = "a limit set by the caller is reached"
     INTERRUPTED = "stopped on request after a complete point: start again to go on"
     START_FAILED = "the first cycle did not converge: start at another parameter or from a better guess"
@@ -68,10 +70,10 @@ class BranchStop(Enum):
 class ContinuationOptions:
     """How to walk along a branch.
 
-    ``range``: parameter interval; ``direction``: +1 up, -1 down; ``step``, ``minimum_step``, ``maximum_step``:
-    arclength; ``max_points``; ``target_iterations``: Newton iterations at which the step is kept;
-    ``minimum_cosine``: smallest cosine between neighbouring tangents; ``parameter_scale``: parameter change that
-    counts as one; ``detection``: of bifurcations.  Raises ValueError for values out of order.
+    ``range``: parameter interval; ``direction``: +1 up, -1 down; ``step``, ``minimum_step``,
+    ``maximum_step``: arclength; ``max_points``; ``target_iterations``: Newton iterations at which the step is
+    kept; ``minimum_cosine``: smallest cosine between neighbouring tangents; ``parameter_scale``: parameter
+    change that counts as one; ``detection``: of bifurcations.  Raises ValueError for values out of order.
     """
 
     range: tuple[float, float]
@@ -116,9 +118,10 @@ class BranchStart:
 class BranchState:
     """Everything the next step depends on, as plain arrays and numbers.
 
-    A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``, ``start_state``
-    (N,), ``basis`` (N, k), ``multipliers`` (m,) complex; ``index`` counts the recorded points from zero; ``step`` is
-    the next arclength step; ``steps`` are per period; ``start_*`` is the first point, for closed curves.
+    A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``,
+    ``start_state`` (N,), ``basis`` (N, k), ``multipliers`` (m,) complex; ``index`` counts the recorded points
+    from zero; ``step`` is the next arclength step; ``steps`` are per period; ``start_*`` is the first point,
+    for closed curves.
     """
 
     index: int
@@ -155,9 +158,11 @@ class BranchState:
 
     @classmethod
     def from_arrays(cls, arrays: dict[str, Any]) -> BranchState:
-        """The inverse of ``arrays``; arrays are copied into C order, on which the bits of a product depend."""
+        """The inverse of ``arrays``; arrays are copied into C order, on which the bits of a product
+        depend.
+        """
         kinds = {"index": int, "steps": int}
-        values = {
+        values: dict[str, Any] = {
             name: np.array(value, order="C") if np.ndim(value) else kinds.get(name, float)(value)
             for name, value in arrays.items()
         }
@@ -168,8 +173,8 @@ class BranchState:
 class BranchPoint:
     """One accepted cycle: ``cycle`` holds state, period, orbit samples, multipliers and their residuals.
 
-    ``residual_norms`` and ``update_norms``: history of the corrector; ``unlocated``: events that were detected in the
-    step to this point but could not be located even with the smallest step.
+    ``residual_norms`` and ``update_norms``: history of the corrector; ``unlocated``: events that were
+    detected in the step to this point but could not be located even with the smallest step.
     """
 
     cycle: Cycle
@@ -206,11 +211,11 @@ def continue_branch(
 ) -> BranchResult:
     """Trace a branch of cycles from a guess, or go on from a recorded state.
 
-    ``record(point, state, events)`` is called once per accepted point, with the events between the previous point and
-    this one; ``state`` is all that is needed to restart after it.  ``limit(point)`` returns a sentence when the point
-    must not be accepted (journal touches the foil), which ends the branch before it.  ``should_stop()`` is asked after
-    each recorded point.  The last point lies exactly on the end of the range.  Raises ValueError when the start lies
-    outside the range; every other failure is a BranchResult.
+    ``record(point, state, events)`` is called once per accepted point, with the events between the previous
+    point and this one; ``state`` is all that is needed to restart after it.  ``limit(point)`` returns a
+    sentence when the point must not be accepted (journal touches the foil), which ends the branch before it.
+    ``should_stop()`` is asked after each recorded point.  The last point lies exactly on the end of the
+    range.  Raises ValueError when the start lies outside the range; every other failure is a BranchResult.
     """
     metric = metric_of(problem, options.parameter_scale)
     if isinstance(start, BranchState):
@@ -261,7 +266,9 @@ def _open_branch(
 ) -> tuple[BranchPoint, BranchState] | BranchResult:
     """Correct the guess at its fixed parameter and orient the branch."""
     if not options.range[0] <= start.parameter <= options.range[1]:
-        raise ValueError(f"the start {problem.parameter} = {start.parameter} lies outside the range {options.range}")
+        raise ValueError(
+            f"the start {problem.parameter} = {start.parameter} lies outside the range {options.range}"
+        )
     guess = problem.consistent(Unknowns(np.array(start.state, dtype=float), start.period, start.parameter))
     steps = needed_steps(problem, guess)
     reference = reference_of(problem, guess, steps)
@@ -283,9 +290,22 @@ def _open_branch(
     tangent = tangent.scaled(1.0 / metric.norm(tangent))
     at = cycle.unknowns
     state = BranchState(
-        0, at.state, at.period, at.parameter, tangent.state, tangent.period, tangent.parameter, options.step, 0.0,
-        steps, following_basis(problem, cycle), cycle.spectrum.multipliers, at.state, at.period, at.parameter,
-    )  # fmt: skip
+        index=0,
+        state=at.state,
+        period=at.period,
+        parameter=at.parameter,
+        tangent_state=tangent.state,
+        tangent_period=tangent.period,
+        tangent_parameter=tangent.parameter,
+        step=options.step,
+        arclength=0.0,
+        steps=steps,
+        basis=following_basis(problem, cycle),
+        multipliers=cycle.spectrum.multipliers,
+        start_state=at.state,
+        start_period=at.period,
+        start_parameter=at.parameter,
+    )
     return _point(problem, correction, cycle), state
 
 
@@ -318,7 +338,15 @@ def _attempt(
     if metric.inner(tangent, state.tangent) < options.minimum_cosine and not shortest:
         return _Rejected("the branch bends too much within the step")
     segment = Segment(
-        problem, metric, state.unknowns, state.tangent, state.multipliers, cycle, tangent, state.basis, reference
+        problem,
+        metric,
+        state.unknowns,
+        state.tangent,
+        state.multipliers,
+        cycle,
+        tangent,
+        state.basis,
+        reference,
     )
     located = _events(segment, options.detection, accept_anyway=shortest)
     if isinstance(located, _Rejected):
@@ -334,7 +362,9 @@ def _predict_and_correct(
     metric: Metric,
     reference: PhaseReference | None,
 ) -> Correction:
-    """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it instead."""
+    """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it
+    instead.
+    """
     row = metric.row(state.tangent)
     guess = state.unknowns.plus(state.tangent, state.step)
     constraint = Constraint(row, row.dot(state.unknowns) + state.step)

@@ -57,9 +57,11 @@ class LocationStop(Enum):
 
 @dataclass(frozen=True)
 class DetectionOptions:
-    """``event_tolerance``: width of the final bracket along the branch; ``resonance_distance``: angle in rad within
-    which a strong resonance is reported; ``kinds``: what to look for (a conservative system has all its multipliers on
-    the unit circle, so that its Neimark-Sacker test is rounding noise: leave that kind out)."""
+    """``event_tolerance``: width of the final bracket along the branch; ``resonance_distance``: angle in rad
+    within which a strong resonance is reported; ``kinds``: what to look for (a conservative system has all
+    its multipliers on the unit circle, so that its Neimark-Sacker test is rounding noise: leave that kind
+    out).
+    """
 
     event_tolerance: float = 1e-10
     resonance_distance: float = 0.05
@@ -75,7 +77,8 @@ class DetectionOptions:
             raise ValueError(f"event_tolerance is {self.event_tolerance}; it must be positive")
         if not 0.0 < self.resonance_distance < math.pi / 6:
             raise ValueError(
-                f"resonance_distance is {self.resonance_distance}; it must lie in (0, pi/6), or two resonances overlap"
+                f"resonance_distance is {self.resonance_distance}; it must lie in (0, pi/6), "
+                "or two resonances overlap"
             )
 
 
@@ -93,11 +96,12 @@ class BifurcationTests:
 class Event:
     """A located bifurcation.
 
-    ``parameters`` (p,), ``state`` (N,), ``multipliers`` (k,) by falling modulus, ``critical`` the multiplier on the
-    unit circle, ``angle`` its argument in [0, pi].  ``transversality``: d abs(critical)/d parameter along the branch;
-    for a fold, where that is infinite, d abs(critical)/d arclength; NaN when a neighbouring cycle did not converge.
-    ``residual``: distance of the critical multiplier from 1 (fold, branch point), -1 or the unit circle; divided by
-    the transversality it is the error of the parameter.  ``fraction``: position in the step of the branch.
+    ``parameters`` (p,), ``state`` (N,), ``multipliers`` (k,) by falling modulus, ``critical`` the multiplier
+    on the unit circle, ``angle`` its argument in [0, pi].  ``transversality``: d abs(critical)/d parameter
+    along the branch; for a fold, where that is infinite, d abs(critical)/d arclength; NaN when a neighbouring
+    cycle did not converge. ``residual``: distance of the critical multiplier from 1 (fold, branch point), -1
+    or the unit circle; divided by the transversality it is the error of the parameter.  ``fraction``:
+    position in the step of the branch.
     """
 
     kind: EventKind
@@ -160,9 +164,9 @@ def explains(
 ) -> bool:
     """Whether the events found can account for the change in the number of unstable multipliers.
 
-    A fold, branch point or period doubling moves one multiplier across the circle, a Neimark-Sacker point two and a
-    neutral saddle, which the same test function reports until it is located (``confirmed``), none.  If they cannot,
-    two events lie between the cycles and the step is too long.
+    A fold, branch point or period doubling moves one multiplier across the circle, a Neimark-Sacker point two
+    and a neutral saddle, which the same test function reports until it is located (``confirmed``), none.  If
+    they cannot, two events lie between the cycles and the step is too long.
     """
     if (EventKind.FOLD in kinds) and before.fold * after.fold > 0.0:
         return False
@@ -185,7 +189,9 @@ def strong_resonance(angle: float, distance: float) -> Resonance:
 
 
 def critical_multiplier(kind: EventKind, multipliers: Complex, autonomous: bool) -> complex | None:
-    """The multiplier that crosses, of a pair the one with positive imaginary part; None for a neutral saddle."""
+    """The multiplier that crosses, of a pair the one with positive imaginary part; None for a neutral
+    saddle.
+    """
     mu = nontrivial(multipliers, autonomous)
     if kind is EventKind.PERIOD_DOUBLING:
         return complex(mu[np.argmin(np.abs(mu + 1.0))])
@@ -200,7 +206,8 @@ def critical_multiplier(kind: EventKind, multipliers: Complex, autonomous: bool)
 def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tuple[LocationStop, Event | None]:
     """Find the zero of the test function of ``kind`` on a segment whose ends have opposite signs.
 
-    Every evaluation is a corrected cycle in the plane of its fraction, so the root is as sharp as the corrector.
+    Every evaluation is a corrected cycle in the plane of its fraction, so the root is as sharp as the
+    corrector.
     """
     autonomous = segment.problem.period_map.autonomous
     cycles: dict[float, Cycle] = {}
@@ -209,14 +216,14 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
         if fraction not in cycles:
             cycle = segment.correct_at(fraction).cycle
             if cycle is None:
-                raise _NotConverged
+                raise _NotConvergedError
             cycles[fraction] = cycle
         return cycles[fraction]
 
     try:
         fraction = _root(segment, kind, cycle_at, options.event_tolerance / segment.length)
         cycle = cycle_at(fraction)
-    except _NotConverged:
+    except _NotConvergedError:
         return LocationStop.NOT_CONVERGED, None
     critical = critical_multiplier(kind, cycle.spectrum.multipliers, autonomous)
     if critical is None:
@@ -241,7 +248,7 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
     )
 
 
-class _NotConverged(Exception):
+class _NotConvergedError(Exception):
     """A cycle inside the bracket did not converge."""
 
 
@@ -260,7 +267,7 @@ def _root(segment: Segment, kind: EventKind, cycle_at: Callable[[float], Cycle],
             return _test_value(kind, cycle.spectrum.multipliers, segment.problem.period_map.autonomous)
         tangent = tangent_at(segment.problem, cycle, segment.metric.row(segment.chord), segment.reference)
         if tangent is None:
-            raise _NotConverged
+            raise _NotConvergedError
         return tangent.parameter
 
     return float(brentq(psi, 0.0, 1.0, xtol=max(width, 1e-14), rtol=4.0 * np.finfo(float).eps))

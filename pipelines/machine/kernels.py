@@ -1,14 +1,16 @@
 """Signatures of the compiled right-hand sides.
 
-A kernel sees the phase ``phi = 2 pi tau / T`` instead of the time tau, so that one loop integrates any period over
-the unit interval.  It owns no memory: constants, integer layout and scratch space are handed in.
+A kernel sees the phase ``phi = 2 pi tau / T`` instead of the time tau, so that one loop integrates any period
+over the unit interval.  It owns no memory: constants, integer layout and scratch space are handed in.
 
-``RATES``    ``out = f(phase, state, parameters)``; arguments ``phase, state, parameters, constants, layout, work, out``.
-``TANGENT``  ``out = J(phase, state, parameters) @ block``; ``block`` and ``out`` have shape ``(size, columns)`` with the
-columns contiguous; arguments ``phase, state, block, parameters, constants, layout, work, out``.
+``RATES``    ``out = f(phase, state, parameters)``; arguments ``phase, state, parameters, constants, layout,
+work, out``. ``TANGENT``  ``out = J(phase, state, parameters) @ block``; ``block`` and ``out`` have shape
+``(size, columns)`` with the columns contiguous; arguments ``phase, state, block, parameters, constants,
+layout, work, out``.
 
-Decorate with ``@njit(RATES, cache=True)``: the explicit signature makes the compilation eager and the function usable
-as a first-class value of type ``RATES_POINTER`` in another compiled function, which is then cached as well.
+Decorate with ``@njit(RATES, cache=True)``: the explicit signature makes the compilation eager and the
+function usable as a first-class value of type ``RATES_POINTER`` in another compiled function, which is then
+cached as well.
 """
 
 from __future__ import annotations

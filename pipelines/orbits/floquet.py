@@ -1,8 +1,8 @@
 """Floquet multipliers from the slow invariant subspace, and the basis that spans it.
 
-With V orthonormal (N, p) and M V known, the multipliers are the eigenvalues of V'MV; a pair (mu, y) is trusted by its
-residual ||M V y - mu V y||, ||y|| = 1.  One step of subspace iteration is V <- orth(M V): the angle between V and the
-eigenvector of mu shrinks by abs(mu_neglected / mu).
+With V orthonormal (N, p) and M V known, the multipliers are the eigenvalues of V'MV; a pair (mu, y) is
+trusted by its residual ||M V y - mu V y||, ||y|| = 1.  One step of subspace iteration is V <- orth(M V): the
+angle between V and the eigenvector of mu shrinks by abs(mu_neglected / mu).
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ _CLUSTER_MODULUS = 0.3  # above it a cluster must be resolved: Picard sweeps wou
 class BasisOptions:
     """Size of the slow subspace.
 
-    ``multiplier_cut``: keep every isolated multiplier above this modulus; ``buffer``: columns kept beyond them, which
-    speed up the subspace iteration; ``initial_columns``: size of the first basis; ``maximum_columns``: cap.
+    ``multiplier_cut``: keep every isolated multiplier above this modulus; ``buffer``: columns kept beyond
+    them, which speed up the subspace iteration; ``initial_columns``: size of the first basis;
+    ``maximum_columns``: cap.
     """
 
     multiplier_cut: float = 1e-3
@@ -68,13 +69,17 @@ def floquet_spectrum(basis: Matrix, image: Matrix) -> FloquetSpectrum:
 
 
 def orthonormal(block: Matrix) -> Matrix:
-    """Orthonormal basis of the columns with the signs that make R's diagonal positive: the same input, the same bits."""
+    """Orthonormal basis of the columns with the signs that make R's diagonal positive: the same input, the
+    same bits.
+    """
     q, r = np.linalg.qr(block)
     return np.ascontiguousarray(q * np.where(np.diag(r) < 0.0, -1.0, 1.0))
 
 
 def deterministic_block(size: int, columns: int, first: int = 0) -> Matrix:
-    """Columns without structure, the same on every machine: fractional parts of a two-dimensional Weyl sequence."""
+    """Columns without structure, the same on every machine: fractional parts of a two-dimensional Weyl
+    sequence.
+    """
     row = np.arange(1, size + 1)[:, None]
     column = np.arange(first + 1, first + columns + 1)[None, :]
     return (row * math.sqrt(2.0) + column * math.sqrt(3.0) + row * column * math.sqrt(5.0)) % 1.0 - 0.5
@@ -88,8 +93,10 @@ def starting_basis(
     steps: int,
     options: BasisOptions,
 ) -> Matrix:
-    """A slow basis from nothing: subspace iteration on a fixed block, enlarged until the smallest multiplier is below
-    the cut.  The identity, and so the plain Newton method, when the system is no larger than the initial block."""
+    """A slow basis from nothing: subspace iteration on a fixed block, enlarged until the smallest multiplier
+    is below the cut.  The identity, and so the plain Newton method, when the system is no larger than the
+    initial block.
+    """
     size, sweeps = period_map.size, 3
     if size <= options.initial_columns:
         return np.eye(size)
@@ -109,8 +116,8 @@ def starting_basis(
 def wanted_columns(moduli: Vector, size: int, options: BasisOptions) -> int:
     """Columns the slow basis should have, from the moduli of the multipliers it now gives.
 
-    All above the cut plus the buffer.  When the smallest ones form a cluster (foil modes gather at exp(-T k_f/c_f))
-    only the isolated ones above it count: the cluster is left to the Picard sweeps.
+    All above the cut plus the buffer.  When the smallest ones form a cluster (foil modes gather at exp(-T
+    k_f/c_f)) only the isolated ones above it count: the cluster is left to the Picard sweeps.
     """
     moduli = np.sort(moduli)[::-1]
     smallest = moduli[-1]
@@ -130,8 +137,8 @@ def enlarge(basis: Matrix, columns: int) -> Matrix:
 def adapted_basis(basis: Matrix, image: Matrix, options: BasisOptions) -> Matrix:
     """orth(M V) with as many columns as the multipliers ask for.
 
-    It shrinks onto the dominant Schur vectors, but only when more than the buffer would go, so that the size does not
-    flicker from point to point.
+    It shrinks onto the dominant Schur vectors, but only when more than the buffer would go, so that the size
+    does not flicker from point to point.
     """
     size, columns = basis.shape
     following = orthonormal(image)

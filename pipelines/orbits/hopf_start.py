@@ -2,7 +2,8 @@
 
 At the Hopf point the Jacobian has the pair +- i omega with eigenvector q, and the cycle of amplitude A is
 
-    s(tau) = s_0 + A Re(q exp(i omega tau)) + O(A^2),    T = 2 pi / omega + O(A^2),    lambda = lambda_0 + O(A^2)
+    s(tau) = s_0 + A Re(q exp(i omega tau)) + O(A^2),    T = 2 pi / omega + O(A^2),    lambda = lambda_0 +
+    O(A^2)
 
 A is held by the linear row <Re q, s - s_0> = A <Re q, Re q>, so that the correction cannot fall back on the
 equilibrium, and the phase is that of the linear oscillation.
@@ -38,10 +39,11 @@ def start_at_hopf(
 ) -> Correction:
     """Correct the cycle of small ``amplitude`` (> 0) that is born at a Hopf point.
 
-    ``equilibrium`` (N,), ``eigenvector`` (N,) of the eigenvalue i ``frequency`` (> 0) and ``parameter`` describe the
-    Hopf point; the eigenvector is scaled to a largest entry of modulus one, so that the amplitude is that of the entry
-    which moves most.  The cycle has parameter, period and state free: continue it from ``cycle.unknowns``.
-    Raises ValueError for a map with a known period, a non-positive amplitude or a non-positive frequency.
+    ``equilibrium`` (N,), ``eigenvector`` (N,) of the eigenvalue i ``frequency`` (> 0) and ``parameter``
+    describe the Hopf point; the eigenvector is scaled to a largest entry of modulus one, so that the
+    amplitude is that of the entry which moves most.  The cycle has parameter, period and state free: continue
+    it from ``cycle.unknowns``. Raises ValueError for a map with a known period, a non-positive amplitude or a
+    non-positive frequency.
     """
     period_map = problem.period_map
     if not period_map.autonomous or period_map.extended:

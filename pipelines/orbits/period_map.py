@@ -41,9 +41,11 @@ class Inhomogeneity:
 
 @dataclass(frozen=True)
 class PhaseReference:
-    """A cycle that fixes the phase of its neighbours: integral of <s - s_ref, ds_ref/dtau1> over tau1 is zero.
+    """A cycle that fixes the phase of its neighbours: integral of <s - s_ref, ds_ref/dtau1> over tau1 is
+    zero.
 
-    ``gradient`` (samples, size) is ds_ref/dtau1, ``offset`` the value of the functional at the reference itself.
+    ``gradient`` (samples, size) is ds_ref/dtau1, ``offset`` the value of the functional at the reference
+    itself.
     """
 
     gradient: Matrix
@@ -54,9 +56,10 @@ class PhaseReference:
 class PeriodImage:
     """What one pass over the period returns.
 
-    ``state`` (size,), ``columns`` (size, m): M applied to the block; ``inhomogeneous`` (size, k): derivatives of the
-    map; ``orbit`` (samples, size) at tau1 = k/samples; ``phase``, ``phase_columns`` (m,), ``phase_inhomogeneous`` (k,):
-    the phase condition and its derivatives, zero without a reference; ``finite`` is False when the orbit diverged.
+    ``state`` (size,), ``columns`` (size, m): M applied to the block; ``inhomogeneous`` (size, k): derivatives
+    of the map; ``orbit`` (samples, size) at tau1 = k/samples; ``phase``, ``phase_columns`` (m,),
+    ``phase_inhomogeneous`` (k,): the phase condition and its derivatives, zero without a reference;
+    ``finite`` is False when the orbit diverged.
     """
 
     state: Vector
@@ -73,10 +76,10 @@ class PeriodImage:
 class PeriodMap:
     """One period of a system with one stepper.
 
-    ``turns``: forcing periods in the cycle (2 follows the branch born at a period doubling); ``samples``: equally
-    spaced phases at which the orbit is returned; ``minimum_steps``: accuracy floor, ``steps_per_period``: fixed number
-    that replaces the choice by stability.  Raises ValueError for counts below one or a stroboscopic map of an
-    autonomous system.
+    ``turns``: forcing periods in the cycle (2 follows the branch born at a period doubling); ``samples``:
+    equally spaced phases at which the orbit is returned; ``minimum_steps``: accuracy floor,
+    ``steps_per_period``: fixed number that replaces the choice by stability.  Raises ValueError for counts
+    below one or a stroboscopic map of an autonomous system.
     """
 
     system: DynamicalSystem
@@ -110,7 +113,9 @@ class PeriodMap:
         return self.system.size + (2 if self.extended else 0)
 
     def extend(self, state: Vector) -> Vector:
-        """A state of the system at phase zero as a state of this map: with (sin 0, cos 0) appended if extended."""
+        """A state of the system at phase zero as a state of this map: with (sin 0, cos 0) appended if
+        extended.
+        """
         return np.concatenate([state, [0.0, 1.0]]) if self.extended else np.array(state, dtype=float)
 
     def period(self, parameters: Vector) -> float:
@@ -120,7 +125,9 @@ class PeriodMap:
         return 2.0 * math.pi * self.turns / float(parameters[self.system.forcing])
 
     def parameter_column(self, parameter: int, parameters: Vector) -> Inhomogeneity:
-        """The column d phi/d parameter, with T'(omega) = -T/omega for the forcing frequency of a known period."""
+        """The column d phi/d parameter, with T'(omega) = -T/omega for the forcing frequency of a known
+        period.
+        """
         if self.autonomous or parameter != self.system.forcing:
             return Inhomogeneity(parameter)
         return Inhomogeneity(parameter, -self.period(parameters) / float(parameters[parameter]))
@@ -137,7 +144,8 @@ class PeriodMap:
     ) -> PeriodImage:
         """phi(state), M @ columns, the inhomogeneous columns and the phase condition in one pass.
 
-        ``steps`` must be a multiple of ``samples`` (``steps_for`` returns such numbers); ValueError otherwise.
+        ``steps`` must be a multiple of ``samples`` (``steps_for`` returns such numbers); ValueError
+        otherwise.
         """
         if steps % self.samples:
             raise ValueError(f"steps is {steps}; it must be a multiple of the {self.samples} samples")
@@ -160,9 +168,10 @@ class PeriodMap:
         loop = propagate if system.compiled else propagate.py_func
         with np.errstate(all="ignore"):
             failed = loop(
-                system.rates, system.tangent, stepper.a, stepper.b, stepper.c, steps, 2.0 * math.pi * self.turns, period,
-                system.forcing if self.extended else -1, np.array(parameters, dtype=float), system.constants,
-                system.layout, np.zeros(system.work_size), final, block, column_parameter, column_period, orbit, gradient,
+                system.rates, system.tangent, stepper.a, stepper.b, stepper.c,
+                steps, 2.0 * math.pi * self.turns, period, system.forcing if self.extended else -1,
+                np.array(parameters, dtype=float), system.constants, system.layout,
+                np.zeros(system.work_size), final, block, column_parameter, column_period, orbit, gradient,
                 functional, np.zeros(workspace_size(size, width, stepper.stages, len(parameters))),
             )  # fmt: skip
         return PeriodImage(
@@ -181,7 +190,9 @@ class PeriodMap:
     ) -> Matrix:
         """M @ columns for any number of columns, in blocks of bounded memory."""
         parts = [
-            self.evaluate(state, parameters, period, steps, columns[:, first : first + _BLOCK_COLUMNS]).columns
+            self.evaluate(
+                state, parameters, period, steps, columns[:, first : first + _BLOCK_COLUMNS]
+            ).columns
             for first in range(0, columns.shape[1], _BLOCK_COLUMNS)
         ]
         return np.ascontiguousarray(np.hstack(parts))
@@ -209,7 +220,7 @@ class PeriodMap:
         """
         size, radius = self.system.size, 0.0
         golden = (math.sqrt(5.0) - 1.0) / 2.0
-        vector = (np.arange(1, size + 1) * golden) % 1.0 - 0.4
+        vector: Vector = np.mod(np.arange(1, size + 1) * golden, 1.0) - 0.4
         stride = max(1, self.samples // _POWER_PHASES)
         for k in range(0, self.samples, stride):
             state = np.ascontiguousarray(orbit[k, :size])
@@ -218,8 +229,8 @@ class PeriodMap:
                 phase = math.atan2(orbit[k, -2], orbit[k, -1])
             growth = []
             for _ in range(_FIRST_POWER_STEPS if k == 0 else _POWER_STEPS):
-                vector = vector / np.linalg.norm(vector)
-                vector = self.system.tangent_at(phase, state, vector[:, None], parameters)[:, 0]
+                direction = np.asarray(vector / np.linalg.norm(vector), dtype=np.float64)
+                vector = self.system.tangent_at(phase, state, direction[:, None], parameters)[:, 0]
                 growth.append(float(np.linalg.norm(vector)))
                 if growth[-1] == 0.0 or not math.isfinite(growth[-1]):
                     return radius
@@ -227,7 +238,9 @@ class PeriodMap:
         return radius
 
     def steps_for(self, spectral_radius: float, period: float) -> int:
-        """Steps per period that keep radius T / steps inside the real stability interval; a multiple of the samples."""
+        """Steps per period that keep radius T / steps inside the real stability interval; a multiple of the
+        samples.
+        """
         steps = self.steps_per_period
         if steps is None:
             stable = _RADIUS_MARGIN * spectral_radius * period / self.stepper.real_stability_interval

@@ -5,14 +5,15 @@ With tau1 = tau / T in [0, 1] the orbit and a column y of the block obey
     ds/dtau1 = T f(phase, s, lambda)
     dy/dtau1 = T (J y + df/dlambda) + (dT/dlambda) f
 
-where the last two terms are present only in inhomogeneous columns.  The same Runge-Kutta step is applied to both, so
-the columns are the exact derivative of the discrete map.  df/dlambda is a central difference of f.
+where the last two terms are present only in inhomogeneous columns.  The same Runge-Kutta step is applied to
+both, so the columns are the exact derivative of the discrete map.  df/dlambda is a central difference of f.
 
 Eq. 17 of the paper turns the forced system into an autonomous one with two more states,
 
     ds1/dtau = s1 + W s2 - s1 (s1^2 + s2^2),   ds2/dtau = -W s1 + s2 - s2 (s1^2 + s2^2)
 
-whose cycle is (sin W tau, cos W tau); then the phase is atan2(s1, s2) and the columns gain df/dphase dphase/ds.
+whose cycle is (sin W tau, cos W tau); then the phase is atan2(s1, s2) and the columns gain df/dphase
+dphase/ds.
 """
 
 from __future__ import annotations
@@ -40,14 +41,16 @@ def _combine(out, base, factor, weights, count, slopes):  # type: ignore[no-unty
     """out = base + factor sum_{j < count} weights_j slopes_j."""
     for first in range(0, out.shape[0], _CHUNK):
         last = min(first + _CHUNK, out.shape[0])
-        for i in range(first, last):
-            out[i] = base[i]
+        # slices indexed from zero: the compiler vectorises these loops only when no index can be negative
+        part, origin = out[first:last], base[first:last]
+        for i in range(part.shape[0]):
+            part[i] = origin[i]
         for j in range(count):
             if weights[j] != 0.0:
                 scaled = factor * weights[j]
-                slope = slopes[j]
-                for i in range(first, last):
-                    out[i] += scaled * slope[i]
+                slope = slopes[j, first:last]
+                for i in range(part.shape[0]):
+                    part[i] += scaled * slope[i]
 
 
 @njit(types.void(_VECTOR, _FLOAT, _VECTOR), cache=True)
@@ -107,22 +110,25 @@ def workspace_size(size: int, columns: int, stages: int, parameters: int) -> int
 @njit(
     types.int64(
         RATES_POINTER, TANGENT_POINTER, _MATRIX, _VECTOR, _VECTOR, _INT, _FLOAT, _FLOAT, _INT,
-        _VECTOR, _VECTOR, _INTEGERS, _VECTOR, _VECTOR, _MATRIX, _INTEGERS, _VECTOR, _MATRIX, _MATRIX, _VECTOR, _VECTOR,
+        _VECTOR, _VECTOR, _INTEGERS, _VECTOR, _VECTOR, _MATRIX, _INTEGERS, _VECTOR, _MATRIX, _MATRIX,
+        _VECTOR, _VECTOR,
     ),
     cache=True,
 )  # fmt: skip
 def propagate(  # type: ignore[no-untyped-def]
     rates, tangent, a, b, c, steps, turn, period, oscillator,
-    parameters, constants, layout, work, state, block, column_parameter, column_period, samples, gradient, functional,
-    workspace,
+    parameters, constants, layout, work, state, block, column_parameter, column_period, samples, gradient,
+    functional, workspace,
 ):  # fmt: skip
-    """Advance ``state`` (size,) and ``block`` (size, columns) in place over one period; -1, or the step that failed.
+    """Advance ``state`` (size,) and ``block`` (size, columns) in place over one period; -1, or the step that
+    failed.
 
-    ``turn``: increase of the phase over the period.  ``oscillator``: index of the forcing frequency when the last two
-    states are those of Eq. 17, else -1.  Column j has the inhomogeneous terms of parameter ``column_parameter[j]``
-    (-1: none) and of a period that grows with ``column_period[j]`` per unit.  ``samples`` (K, size) receives the orbit
-    at tau1 = k / K; ``steps`` must be a multiple of K.  With ``gradient`` (K, size), ``functional`` (1 + columns)
-    receives sum_k <gradient_k, .>/K of orbit and columns; with shape (0, size) it is left at zero.
+    ``turn``: increase of the phase over the period.  ``oscillator``: index of the forcing frequency when the
+    last two states are those of Eq. 17, else -1.  Column j has the inhomogeneous terms of parameter
+    ``column_parameter[j]`` (-1: none) and of a period that grows with ``column_period[j]`` per unit.
+    ``samples`` (K, size) receives the orbit at tau1 = k / K; ``steps`` must be a multiple of K.  With
+    ``gradient`` (K, size), ``functional`` (1 + columns) receives sum_k <gradient_k, .>/K of orbit and
+    columns; with shape (0, size) it is left at zero.
     """
     n, m, stages, base = state.shape[0], block.shape[1], b.shape[0], state.shape[0]
     if oscillator >= 0:
@@ -165,13 +171,26 @@ def propagate(  # type: ignore[no-untyped-def]
             _combine(block_stage.reshape(n * m), block.reshape(n * m), h, a[i], i, block_slopes)
             block_slope = block_slopes[i].reshape((n, m))
             tangent(
-                phase, stage[:base], block_stage[:base], parameters, constants, layout, work, block_slope[:base]
+                phase,
+                stage[:base],
+                block_stage[:base],
+                parameters,
+                constants,
+                layout,
+                work,
+                block_slope[:base],
             )
             if oscillator >= 0:
                 phase_slope[:base] = 0.0
                 for shift, weight in ((1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)):
                     rates(
-                        phase + shift * _PHASE_DIFFERENCE, stage[:base], parameters, constants, layout, work, upper[:base]
+                        phase + shift * _PHASE_DIFFERENCE,
+                        stage[:base],
+                        parameters,
+                        constants,
+                        layout,
+                        work,
+                        upper[:base],
                     )
                     for row in range(base):
                         phase_slope[row] += weight * upper[row] / (12.0 * _PHASE_DIFFERENCE)

@@ -4,15 +4,17 @@ Unknown are the state s, the parameter lambda and, in the autonomous formulation
 
     r = phi(s, T, lambda) - s = 0,      phase(s) = 0,      row . (s, T, lambda) = value
 
-With V an orthonormal basis of the slow invariant subspace, Q = I - V V' and ds = V a + q, q = q_r + dl q_l + dT q_T,
-where each q_x = Q (M q_x + x) is solved by Picard sweeps (M contracts there), the remaining small system is
+With V an orthonormal basis of the slow invariant subspace, Q = I - V V' and ds = V a + q, q = q_r + dl q_l +
+dT q_T, where each q_x = Q (M q_x + x) is solved by Picard sweeps (M contracts there), the remaining small
+system is
 
     | V'(M-I)V    V'(phi_l + M q_l)    V'(phi_T + M q_T) | | a  |      | V'(r + M q_r)  |
     | row_s V     row_l + row_s q_l    row_T + row_s q_T | | dl |  = - | gap + row_s q_r|
     | F V         F_l + F q_l          F_T + F q_T       | | dT |      | F  + F q_r     |
 
-F is the integral phase condition, summed by the same pass; the last row and column exist only for an unknown period.
-After each iteration V <- orth(M V).  When V spans the whole space q vanishes and the method is Newton's.
+F is the integral phase condition, summed by the same pass; the last row and column exist only for an unknown
+period. After each iteration V <- orth(M V).  When V spans the whole space q vanishes and the method is
+Newton's.
 """
 
 from __future__ import annotations
@@ -40,10 +42,14 @@ class NewtonStop(Enum):
     """Why the corrector stopped, with what to change."""
 
     CONVERGED = "converged"
-    ITERATIONS = "the residual is still above the tolerance after the allowed iterations: start closer or allow more"
+    ITERATIONS = (
+        "the residual is still above the tolerance after the allowed iterations: start closer or allow more"
+    )
     DIVERGED = "the residual grows: start closer to the cycle or take a smaller continuation step"
     NON_FINITE = "the orbit left the domain of the equations: start closer or use more steps per period"
-    SINGULAR = "the bordered matrix is singular: change the continued parameter or start away from the bifurcation"
+    SINGULAR = (
+        "the bordered matrix is singular: change the continued parameter or start away from the bifurcation"
+    )
 
     @property
     def advice(self) -> str:
@@ -54,10 +60,11 @@ class NewtonStop(Enum):
 class ShootingOptions:
     """Tolerances of the corrector.
 
-    ``tolerance``: largest entry of phi(s) - s, relative to max(1, largest entry of s); ``iterations``: of Newton;
-    ``picard_tolerance``: relative size of the last Picard update; ``picard_sweeps``: their cap; ``multiplier_tolerance``:
-    residual asked of every multiplier above ``checked_modulus``, reached by at most ``multiplier_sweeps`` further
-    subspace iterations (the residual reached is reported); ``basis``: size of the slow subspace.
+    ``tolerance``: largest entry of phi(s) - s, relative to max(1, largest entry of s); ``iterations``: of
+    Newton; ``picard_tolerance``: relative size of the last Picard update; ``picard_sweeps``: their cap;
+    ``multiplier_tolerance``: residual asked of every multiplier above ``checked_modulus``, reached by at most
+    ``multiplier_sweeps`` further subspace iterations (the residual reached is reported); ``basis``: size of
+    the slow subspace.
     """
 
     tolerance: float = 1e-10
@@ -99,9 +106,7 @@ class Unknowns:
         return Unknowns(factor * self.state, factor * self.period, factor * self.parameter)
 
     def dot(self, other: Unknowns) -> float:
-        return float(
-            self.state @ other.state + self.period * other.period + self.parameter * other.parameter
-        )
+        return float(self.state @ other.state + self.period * other.period + self.parameter * other.parameter)
 
 
 @dataclass(frozen=True)
@@ -156,8 +161,9 @@ class CycleProblem:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The map and its derivatives at one point; ``swept`` (N, k) and ``swept_image`` hold q_x and M q_x of the Picard
-    part for x = r, phi_l and, when the period is unknown, phi_T."""
+    """The map and its derivatives at one point; ``swept`` (N, k) and ``swept_image`` hold q_x and M q_x of
+    the Picard part for x = r, phi_l and, when the period is unknown, phi_T.
+    """
 
     image: PeriodImage
     basis: Matrix
@@ -166,15 +172,14 @@ class Linearisation:
     swept: Matrix
     swept_image: Matrix
     swept_phase: Vector
-    sweeps: int
 
 
 @dataclass(frozen=True)
 class Cycle:
     """A corrected periodic orbit.
 
-    ``parameters`` (p,), ``basis`` (N, k) and the ``image`` of the last pass (orbit, M V, phi_l, ...), ``spectrum`` of
-    multipliers, ``residual`` as in ShootingOptions.tolerance, ``steps`` per period.
+    ``parameters`` (p,), ``basis`` (N, k) and the ``image`` of the last pass (orbit, M V, phi_l, ...),
+    ``spectrum`` of multipliers, ``residual`` as in ShootingOptions.tolerance, ``steps`` per period.
     """
 
     unknowns: Unknowns
@@ -210,8 +215,8 @@ def correct(
 ) -> Correction:
     """Find the cycle near ``guess`` that satisfies ``constraint``.
 
-    ``basis`` (N, k): slow subspace, orthonormal; ``reference``: phase condition, needed when the period is unknown.
-    Failure is a result: see ``Correction.stop``.  Raises ValueError when the reference is missing.
+    ``basis`` (N, k): slow subspace, orthonormal; ``reference``: phase condition, needed when the period is
+    unknown. Failure is a result: see ``Correction.stop``.  Raises ValueError when the reference is missing.
     """
     if problem.period_map.autonomous and reference is None:
         raise ValueError("an unknown period needs a phase reference")
@@ -330,12 +335,12 @@ def _linearise(
     sources = np.column_stack([residual, image.inhomogeneous])
     options = problem.options
     swept = sources - basis @ (basis.T @ sources)
-    swept_image, swept_phase, sweeps = np.zeros_like(sources), np.zeros(sources.shape[1]), 0
+    swept_image, swept_phase = np.zeros_like(sources), np.zeros(sources.shape[1])
     if basis.shape[0] == basis.shape[1]:
         swept = np.zeros_like(sources)
-        return Linearisation(image, basis, residual, sources, swept, swept_image, swept_phase, sweeps)
+        return Linearisation(image, basis, residual, sources, swept, swept_image, swept_phase)
     parameters = problem.parameters_at(unknowns.parameter)
-    for sweeps in range(1, options.picard_sweeps + 1):
+    for _ in range(options.picard_sweeps):
         passed = problem.period_map.evaluate(
             unknowns.state, parameters, unknowns.period, steps, swept, (), reference
         )
@@ -346,7 +351,7 @@ def _linearise(
         if np.all(change <= options.picard_tolerance * np.linalg.norm(sources, axis=0)):
             break
         swept = following
-    return Linearisation(image, basis, residual, sources, swept, swept_image, swept_phase, sweeps)
+    return Linearisation(image, basis, residual, sources, swept, swept_image, swept_phase)
 
 
 def _solve_bordered(
@@ -408,6 +413,4 @@ def _settled(
         basis = _next_basis(image.columns)
         image = _evaluate(problem, unknowns, basis, steps, reference)
         spectrum = floquet_spectrum(basis, image.columns)
-    return Cycle(
-        unknowns, problem.parameters_at(unknowns.parameter), basis, image, spectrum, residual, steps
-    )
+    return Cycle(unknowns, problem.parameters_at(unknowns.parameter), basis, image, spectrum, residual, steps)

@@ -21,7 +21,8 @@ _ROUNDING = 1e-13  # the published coefficients carry 16 digits and sums of them
 class Stepper:
     """An explicit Runge-Kutta method of the stated ``order``; a is (stages, stages), b and c are (stages,).
 
-    Raises ValueError when the tableau is not explicit, its rows do not sum to c, or its weights do not sum to one.
+    Raises ValueError when the tableau is not explicit, its rows do not sum to c, or its weights do not sum to
+    one.
     """
 
     name: str
@@ -59,7 +60,9 @@ class Stepper:
 
     @cached_property
     def imaginary_stability_interval(self) -> float:
-        """The largest beta with abs(R(iy)) <= 1 for every y in [0, beta]; 0 where the axis is left at once."""
+        """The largest beta with abs(R(iy)) <= 1 for every y in [0, beta]; 0 where the axis is left at
+        once.
+        """
         return self._stable_until(1.0j)
 
     def _stable_until(self, direction: complex) -> float:

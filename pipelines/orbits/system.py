@@ -17,12 +17,13 @@ Matrix = NDArray[np.float64]
 class DynamicalSystem:
     """ds/dtau = f(phase, s, parameters), with phase = 2 pi tau / T for a forced system.
 
-    ``rates`` and ``tangent`` follow the signatures RATES and TANGENT of ``pipelines.machine.kernels``: compiled
-    functions of exactly these types (``compiled=True``) or Python callables with the same arguments.
-    ``forcing`` is the index of the parameter which is the angular frequency of the forcing, so that the period is
-    2 pi / parameters[forcing]; ``None`` marks an autonomous system.
+    ``rates`` and ``tangent`` follow the signatures RATES and TANGENT of ``pipelines.machine.kernels``:
+    compiled functions of exactly these types (``compiled=True``) or Python callables with the same arguments.
+    ``forcing`` is the index of the parameter which is the angular frequency of the forcing, so that the
+    period is 2 pi / parameters[forcing]; ``None`` marks an autonomous system.
 
-    Raises ValueError when the size is not positive, a parameter name is repeated or ``forcing`` is out of range.
+    Raises ValueError when the size is not positive, a parameter name is repeated or ``forcing`` is out of
+    range.
     """
 
     size: int
@@ -76,9 +77,10 @@ def ode_system(
 ) -> DynamicalSystem:
     """Make a system of ordinary Python callables.
 
-    ``rates(phase, s, parameters)`` returns f, shape (size,).  Give either ``jacobian(phase, s, parameters)`` returning
-    df/ds, shape (size, size), or ``action(phase, s, block, parameters)`` returning df/ds @ block.  ``forcing`` names
-    the parameter which is the forcing frequency; phase = 2 pi tau / T replaces the time.  Example, a pendulum::
+    ``rates(phase, s, parameters)`` returns f, shape (size,).  Give either ``jacobian(phase, s, parameters)``
+    returning df/ds, shape (size, size), or ``action(phase, s, block, parameters)`` returning df/ds @ block.
+    ``forcing`` names the parameter which is the forcing frequency; phase = 2 pi tau / T replaces the time.
+    Example, a pendulum::
 
         pendulum = ode_system(
             lambda phase, s, p: [s[1], -p[1] * s[1] - np.sin(s[0]) + p[2] * np.cos(phase)],

@@ -30,14 +30,18 @@ from tests.systems import duffing, hopf_pair, tondl
 Row = tuple[BranchPoint, BranchState, tuple[Event, ...]]
 
 
-def run(problem: CycleProblem, start, options: ContinuationOptions, **callbacks) -> tuple[BranchResult, list[Row]]:  # type: ignore[no-untyped-def]
+def run(
+    problem: CycleProblem, start, options: ContinuationOptions, **callbacks
+) -> tuple[BranchResult, list[Row]]:  # type: ignore[no-untyped-def]
     rows: list[Row] = []
     result = continue_branch(problem, start, options, lambda *row: rows.append(row), **callbacks)
     return result, rows
 
 
 def duffing_problem(**options: float) -> CycleProblem:
-    return CycleProblem(PeriodMap(duffing(), DOPRI8), np.array([0.5, 0.3]), "omega", ShootingOptions(**options))  # type: ignore[arg-type]
+    return CycleProblem(
+        PeriodMap(duffing(), DOPRI8), np.array([0.5, 0.3]), "omega", ShootingOptions(**options)
+    )  # type: ignore[arg-type]
 
 
 START = BranchStart(np.array([0.3, 0.0]), 0.5)
@@ -55,7 +59,8 @@ def test_range_is_hit_exactly_in_both_directions() -> None:
         assert parameters == sorted(parameters, reverse=direction < 0)
         # a finished branch has nothing more to do
         again, more = run(duffing_problem(), result.state, options)
-        assert again.stop is BranchStop.RANGE and more == []
+        assert again.stop is BranchStop.RANGE
+        assert more == []
 
 
 def test_points_lie_on_the_branch_at_the_asked_distance() -> None:
@@ -74,7 +79,9 @@ def test_points_lie_on_the_branch_at_the_asked_distance() -> None:
 
 def test_any_parameter_can_be_continued() -> None:
     problem = CycleProblem(PeriodMap(tondl(), BUTCHER6), np.array([0.03, 1.3]), "eta")
-    result, rows = run(problem, BranchStart(np.array([0.33, 0.05, 0, 0]), 1.3), ContinuationOptions((1.3, 1.5)))
+    result, rows = run(
+        problem, BranchStart(np.array([0.33, 0.05, 0, 0]), 1.3), ContinuationOptions((1.3, 1.5))
+    )
     assert result.stop is BranchStop.RANGE
     for point, state, _ in rows:
         assert state.period == pytest.approx(2.0 * math.pi / state.parameter, rel=1e-15)
@@ -82,7 +89,9 @@ def test_any_parameter_can_be_continued() -> None:
 
 
 def isola() -> CycleProblem:
-    """s' = 0.4 (1 - s^2 - level^2) + 0.1 cos(phase): the averaged cycles form the circle s^2 + level^2 ~ 1."""
+    """s' = 0.4 (1 - s^2 - level^2) + 0.1 cos(phase): the averaged cycles form the circle s^2 + level^2 ~
+    1.
+    """
     system = ode_system(
         lambda phase, s, p: [0.4 * (1.0 - s[0] ** 2 - p[1] ** 2) + 0.1 * math.cos(phase)],
         lambda phase, s, p: [[-0.8 * s[0]]],
@@ -90,12 +99,16 @@ def isola() -> CycleProblem:
         ("omega", "level"),
         "omega",
     )
-    return CycleProblem(PeriodMap(system, DOPRI8, samples=16, minimum_steps=16), np.array([4.0, 0.0]), "level")
+    return CycleProblem(
+        PeriodMap(system, DOPRI8, samples=16, minimum_steps=16), np.array([4.0, 0.0]), "level"
+    )
 
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_closed_curve_is_recognised(direction: int) -> None:
-    options = ContinuationOptions((-2.0, 2.0), direction=direction, step=0.1, maximum_step=0.1, max_points=300)
+    options = ContinuationOptions(
+        (-2.0, 2.0), direction=direction, step=0.1, maximum_step=0.1, max_points=300
+    )
     result, rows = run(isola(), BranchStart(np.array([1.0]), 0.0), options)
     assert result.stop is BranchStop.CLOSED
     events = [event for row in rows for event in row[2]]
@@ -138,11 +151,18 @@ def bits(row: Row) -> bytes:
     return pickle.dumps(
         [
             {name: np.asarray(value).tobytes() for name, value in state.arrays().items()},
-            cycle.spectrum.multipliers.tobytes(), cycle.spectrum.residuals.tobytes(), cycle.image.orbit.tobytes(),
-            point.residual_norms, point.update_norms, point.unstable,
-            [(e.kind, e.state.tobytes(), e.parameters.tobytes(), e.multipliers.tobytes(), e.transversality) for e in events],
+            cycle.spectrum.multipliers.tobytes(),
+            cycle.spectrum.residuals.tobytes(),
+            cycle.image.orbit.tobytes(),
+            point.residual_norms,
+            point.update_norms,
+            point.unstable,
+            [
+                (e.kind, e.state.tobytes(), e.parameters.tobytes(), e.multipliers.tobytes(), e.transversality)
+                for e in events
+            ],
         ]
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("name", list(RESTARTED))
@@ -152,7 +172,8 @@ def test_restart_from_copied_arrays_gives_the_same_bits(name: str) -> None:
     options = ContinuationOptions(interval, step=0.02, maximum_step=0.05, max_points=2 * half)
     _, whole = run(make(), start, options)
     first, rows = run(make(), start, replace(options, max_points=half))
-    assert first.stop is BranchStop.MAXIMUM_POINTS and first.state is not None
+    assert first.stop is BranchStop.MAXIMUM_POINTS
+    assert first.state is not None
     copied = {
         key: np.array(value, order="F") if np.ndim(value) else np.float64(value)
         for key, value in first.state.arrays().items()
@@ -175,7 +196,8 @@ def test_limit_ends_the_branch_before_the_forbidden_point() -> None:
     first, none = run(
         duffing_problem(), START, ContinuationOptions((0.4, 2.0)), limit=lambda point: "never allowed"
     )
-    assert first.stop is BranchStop.LIMIT and none == []
+    assert first.stop is BranchStop.LIMIT
+    assert none == []
 
 
 def test_interruption_comes_after_a_complete_point_and_resumes() -> None:
@@ -184,22 +206,29 @@ def test_interruption_comes_after_a_complete_point_and_resumes() -> None:
     result = continue_branch(
         duffing_problem(), START, options, lambda *row: rows.append(row), should_stop=lambda: len(rows) == 3
     )
-    assert result.stop is BranchStop.INTERRUPTED and len(rows) == 3
+    assert result.stop is BranchStop.INTERRUPTED
+    assert len(rows) == 3
     assert result.state is not None
     after, rest = run(duffing_problem(), result.state, options)
-    assert after.stop is BranchStop.RANGE and rest[0][1].index == 3
+    assert after.stop is BranchStop.RANGE
+    assert rest[0][1].index == 3
 
 
 def test_failures_are_results_with_advice() -> None:
     nowhere, rows = run(isola(), BranchStart(np.array([0.5]), 1.5), ContinuationOptions((-2.0, 2.0)))
-    assert nowhere.stop is BranchStop.START_FAILED and rows == [] and nowhere.state is None
+    assert nowhere.stop is BranchStop.START_FAILED
+    assert rows == []
+    assert nowhere.state is None
     assert nowhere.message
     # one Newton iteration is not enough for any step that matters
     strict = duffing_problem(tolerance=1e-13, iterations=3)
-    options = ContinuationOptions((0.5, 2.0), step=0.5, minimum_step=0.4, maximum_step=0.5, minimum_cosine=-1.0)
+    options = ContinuationOptions(
+        (0.5, 2.0), step=0.5, minimum_step=0.4, maximum_step=0.5, minimum_cosine=-1.0
+    )
     good = run(duffing_problem(), START, replace(options, step=0.4, max_points=1))[0].state
     stuck, _ = run(strict, good, options)
-    assert stuck.stop is BranchStop.MINIMUM_STEP and stuck.message
+    assert stuck.stop is BranchStop.MINIMUM_STEP
+    assert stuck.message
     assert all(stop.advice for stop in BranchStop)
 
 
@@ -212,12 +241,15 @@ def test_steps_per_period_grow_with_stiffness_and_only_then() -> None:
         ("omega", "rate"),
         "omega",
     )
-    problem = CycleProblem(PeriodMap(system, RK4, samples=16, minimum_steps=16), np.array([1.5, 10.0]), "rate")
+    problem = CycleProblem(
+        PeriodMap(system, RK4, samples=16, minimum_steps=16), np.array([1.5, 10.0]), "rate"
+    )
     options = ContinuationOptions((10.0, 60.0), step=2.0, maximum_step=4.0, parameter_scale=1.0)
     result, rows = run(problem, BranchStart(np.zeros(3), 10.0), options)
     assert result.stop is BranchStop.RANGE
     steps = [row[1].steps for row in rows]
-    assert steps == sorted(steps) and steps[-1] > steps[0]
+    assert steps == sorted(steps)
+    assert steps[-1] > steps[0]
     assert len(set(steps)) < len(steps)
     for _, state, _ in rows:
         assert state.parameter * state.period / state.steps < RK4.real_stability_interval
@@ -237,7 +269,9 @@ def test_options_are_checked() -> None:
 
 
 def test_autonomous_branch_keeps_its_phase_condition() -> None:
-    """The Hopf cycle grows as sqrt(mu): radius, period and phase-free multipliers stay exact along the branch."""
+    """The Hopf cycle grows as sqrt(mu): radius, period and phase-free multipliers stay exact along the
+    branch.
+    """
     period_map = PeriodMap(hopf_pair(), DOPRI8, Formulation.AUTONOMOUS)
     problem = CycleProblem(period_map, np.array([0.1, 0.5]), "mu", ShootingOptions(tolerance=1e-12))
     start = BranchStart(np.array([math.sqrt(0.1), 0.0, 0.1, 0.1]), 0.1, 2.0 * math.pi / 1.05)

@@ -1,4 +1,6 @@
-"""Test functions and their bookkeeping on spectra written down by hand, and events of systems with known ones."""
+"""Test functions and their bookkeeping on spectra written down by hand, and events of systems with known
+ones.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +73,8 @@ def test_unexplained_changes_ask_for_a_shorter_step() -> None:
 def test_neutral_saddle_is_no_bifurcation() -> None:
     before, after = spectrum(1.25, 0.75), spectrum(1.25, 0.85)
     kinds, explained = kinds_between(before, after)
-    assert kinds == (EventKind.NEIMARK_SACKER,) and explained
+    assert kinds == (EventKind.NEIMARK_SACKER,)
+    assert explained
     assert critical_multiplier(EventKind.NEIMARK_SACKER, spectrum(1.25, 0.8), False) is None
     complex_pair = critical_multiplier(EventKind.NEIMARK_SACKER, spectrum(*pair(1.0, 2.0), 0.3), False)
     assert complex_pair == pytest.approx(np.exp(2j))
@@ -92,7 +95,7 @@ def test_test_functions_ignore_the_number_of_fast_multipliers() -> None:
 
 
 @pytest.mark.parametrize(
-    "angle, expected",
+    ("angle", "expected"),
     [
         (0.01, Resonance.R1),
         (math.pi - 0.02, Resonance.R2),
@@ -123,7 +126,9 @@ def trace(
 ) -> tuple[list[BranchPoint], list[Event]]:
     problem = CycleProblem(
         PeriodMap(system, DOPRI8, samples=32, minimum_steps=128 if system.compiled else 32),
-        np.array(parameters), name, ShootingOptions(tolerance=1e-12)
+        np.array(parameters),
+        name,
+        ShootingOptions(tolerance=1e-12),
     )
     points: list[BranchPoint] = []
     events: list[Event] = []
@@ -137,7 +142,9 @@ def trace(
 
 
 def test_duffing_folds_against_another_integrator() -> None:
-    """Both folds of the resonance curve: the parameter is extremal there and scipy's integrator finds mu = 1."""
+    """Both folds of the resonance curve: the parameter is extremal there and scipy's integrator finds mu =
+    1.
+    """
     points, events = trace(duffing(), [0.0, 0.3], "omega", [0.3, 0.0], (0.5, 2.5), maximum_step=0.1)
     assert [event.kind for event in events] == [EventKind.FOLD, EventKind.FOLD]
     assert points[-1].cycle.unknowns.parameter == 2.5
@@ -145,9 +152,11 @@ def test_duffing_folds_against_another_integrator() -> None:
     frequencies = np.array([point.cycle.unknowns.parameter for point in points])
     turns = np.flatnonzero(np.diff(np.sign(np.diff(frequencies)))) + 1
     assert len(turns) == 2
-    assert frequencies[turns[0]] <= upper and frequencies[turns[1]] >= lower
+    assert frequencies[turns[0]] <= upper
+    assert frequencies[turns[1]] >= lower
     between = [point.unstable for point in points[turns[0] + 1 : turns[1] - 1]]
-    assert between and set(between) == {1}
+    assert between
+    assert set(between) == {1}
     for event in events:
         frequency, load = event.parameters
 
@@ -189,7 +198,9 @@ def rotation(decay: float, frequency: float) -> np.ndarray:
 
 
 def test_two_pairs_leaving_in_one_step_are_both_found() -> None:
-    """Pairs that become unstable 0.004 apart, with steps of 0.1: the unexplained jump by four shortens the step."""
+    """Pairs that become unstable 0.004 apart, with steps of 0.1: the unexplained jump by four shortens the
+    step.
+    """
 
     def matrix(p):  # type: ignore[no-untyped-def]
         out = np.zeros((4, 4))
@@ -197,9 +208,14 @@ def test_two_pairs_leaving_in_one_step_are_both_found() -> None:
         return out
 
     points, events = trace(
-        linear_forced(matrix, ("omega", "growth")), [2.0, 0.0], "growth", [0, 0, 0, 0], (-0.25, 0.25),
-        step=0.1, maximum_step=0.1,
-    )  # fmt: skip
+        linear_forced(matrix, ("omega", "growth")),
+        [2.0, 0.0],
+        "growth",
+        [0, 0, 0, 0],
+        (-0.25, 0.25),
+        step=0.1,
+        maximum_step=0.1,
+    )
     assert [event.kind for event in events] == [EventKind.NEIMARK_SACKER] * 2
     assert np.allclose([event.parameters[1] for event in events], [0.0, 0.004], rtol=0, atol=1e-9)
     # theta = frequency T modulo 2 pi, folded into [0, pi]; d abs(mu)/d growth = T
@@ -213,8 +229,12 @@ def test_two_pairs_leaving_in_one_step_are_both_found() -> None:
 def test_neutral_saddle_on_a_branch_is_not_reported() -> None:
     """Rates 0.3 and -growth: the product of the two multipliers passes one at growth = 0.3."""
     points, events = trace(
-        linear_forced(lambda p: np.diag([0.3, -p[1]]), ("omega", "growth")), [2.0, 0.0], "growth", [0, 0], (0.1, 0.5)
-    )  # fmt: skip
+        linear_forced(lambda p: np.diag([0.3, -p[1]]), ("omega", "growth")),
+        [2.0, 0.0],
+        "growth",
+        [0, 0],
+        (0.1, 0.5),
+    )
     before, after = points[0].cycle.spectrum.multipliers, points[-1].cycle.spectrum.multipliers
     assert np.prod(before).real > 1.0 > np.prod(after).real
     assert events == []

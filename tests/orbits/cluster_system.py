@@ -13,10 +13,11 @@ FREQUENCY = 2.0
 
 
 def cluster_system(oscillators: int = 6, cluster: int = 78) -> DynamicalSystem:
-    """Oscillators y'' + 2 z y' + w^2 y, each driving the relaxing states q' = -r q + coupling y, which feed back.
+    """Oscillators y'' + 2 z y' + w^2 y, each driving the relaxing states q' = -r q + coupling y, which feed
+    back.
 
-    Parameters (omega, load, feedback).  Without feedback the multipliers are exp((-z +- i w_d) T) and the cluster
-    exp(-r T), r spread by one percent around the value which gives CLUSTER_MULTIPLIER.
+    Parameters (omega, load, feedback).  Without feedback the multipliers are exp((-z +- i w_d) T) and the
+    cluster exp(-r T), r spread by one percent around the value which gives CLUSTER_MULTIPLIER.
     """
     size = 2 * oscillators + cluster
     rate = -math.log(CLUSTER_MULTIPLIER) * FREQUENCY / (2.0 * math.pi)

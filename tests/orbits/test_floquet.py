@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -43,7 +44,7 @@ def test_subspace_iteration_converges_at_the_neglected_ratio() -> None:
         image = matrix @ basis
         residuals.append(floquet_spectrum(basis, image).residuals[2])
         basis = orthonormal(image)
-    rates = [later / former for former, later in zip(residuals[1:], residuals[2:], strict=False)]
+    rates = [later / former for former, later in itertools.pairwise(residuals[1:])]
     assert np.allclose(rates, 0.01 / 0.7, rtol=0.3)
 
 
@@ -74,7 +75,7 @@ def test_orthonormal_is_deterministic_and_signed() -> None:
 
 
 @pytest.mark.parametrize(
-    "moduli, wanted",
+    ("moduli", "wanted"),
     [
         ([1.0, 0.5, 0.1, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9], 3 + 4),
         ([1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3], 8 + 4),  # all isolated: grow

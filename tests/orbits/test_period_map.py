@@ -1,4 +1,6 @@
-"""The period map: derivatives, both formulations, compiled against plain Python, Liouville, stiffness, failure."""
+"""The period map: derivatives, both formulations, compiled against plain Python, Liouville, stiffness,
+failure.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def python_duffing() -> DynamicalSystem:
 @pytest.mark.parametrize("formulation", list(Formulation))
 @pytest.mark.parametrize("stepper", [RK4, DOPRI8], ids=lambda s: s.name)
 def test_derivatives_of_the_discrete_map(formulation, stepper) -> None:  # type: ignore[no-untyped-def]
-    """Columns against central differences of the map itself, on a coarse grid where the map is far from the flow."""
+    """Columns against central differences of the map itself, on a coarse grid where the map is far from the
+    flow.
+    """
     period_map = PeriodMap(tondl(), stepper, formulation, samples=8)
     state, period, steps, h = period_map.extend(STATE), period_map.period(PARAMETERS), 16, 1e-5
     if period_map.extended:
@@ -134,7 +138,9 @@ def test_liouville_on_a_periodic_orbit_is_exact_to_rounding() -> None:
 
 
 def test_spectral_radius_and_steps() -> None:
-    """A stiff linear system with a known spectrum; the steps chosen are stable and two thirds of them are not."""
+    """A stiff linear system with a known spectrum; the steps chosen are stable and two thirds of them are
+    not.
+    """
     rates = -np.linspace(1.0, 900.0, 40)
     system = ode_system(
         lambda phase, s, p: rates * s + np.cos(phase),

@@ -76,7 +76,8 @@ def test_observed_order(stepper: Stepper) -> None:
     period_map = PeriodMap(duffing(), stepper, samples=4)
     coarse = {4: 64, 6: 40, 8: 20}[stepper.order]
     images = [
-        period_map.evaluate(state, parameters, 2.0 * math.pi, n, np.eye(2)) for n in (coarse, 2 * coarse, 1024)
+        period_map.evaluate(state, parameters, 2.0 * math.pi, n, np.eye(2))
+        for n in (coarse, 2 * coarse, 1024)
     ]
     for part in ("state", "columns"):
         errors = [np.max(np.abs(getattr(image, part) - getattr(images[2], part))) for image in images[:2]]

@@ -22,7 +22,9 @@ DECAY, FREQUENCY, DRIVE, SHIFT = -0.1, 0.4, 0.3, 0.5
 
 
 def test_branch_from_the_hopf_point() -> None:
-    """Every point to 1e-9 and every multiplier to 1e-8, from the Hopf point to mu = 1; no event on the way."""
+    """Every point to 1e-9 and every multiplier to 1e-8, from the Hopf point to mu = 1; no event on the
+    way.
+    """
     period_map = PeriodMap(hopf_pair(DECAY, FREQUENCY, DRIVE), DOPRI8, Formulation.AUTONOMOUS)
     problem = CycleProblem(period_map, np.array([0.0, SHIFT]), "mu", ShootingOptions(tolerance=1e-12))
     pair = np.array([[DECAY - 1j, -FREQUENCY], [FREQUENCY, DECAY - 1j]])
@@ -45,7 +47,8 @@ def test_branch_from_the_hopf_point() -> None:
 
 def test_torus_bifurcation_of_an_autonomous_cycle() -> None:
     """The pair's decay is the continued parameter of a plain Python system: Neimark-Sacker at zero decay with
-    theta = frequency T modulo 2 pi and d abs(mu)/d decay = T; the trivial multiplier is never counted."""
+    theta = frequency T modulo 2 pi and d abs(mu)/d decay = T; the trivial multiplier is never counted.
+    """
 
     def rates(phase, s, p):  # type: ignore[no-untyped-def]
         radius = s[0] ** 2 + s[1] ** 2

@@ -37,8 +37,11 @@ def boundaries(
 ) -> list[Event]:
     """Events on the trivial cycle over an interval of one parameter."""
     problem = CycleProblem(
-        PeriodMap(system, DOPRI8, minimum_steps=192), np.array(parameters), name, ShootingOptions(tolerance=1e-12)
-    )  # fmt: skip
+        PeriodMap(system, DOPRI8, minimum_steps=192),
+        np.array(parameters),
+        name,
+        ShootingOptions(tolerance=1e-12),
+    )
     options = ContinuationOptions(
         interval, step=step, maximum_step=step, max_points=1000, detection=DetectionOptions(kinds=kinds)
     )

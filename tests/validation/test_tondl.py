@@ -1,6 +1,7 @@
 """Tondl's forced self-excited system against verified Neimark-Sacker and period-doubling points.
 
-tests/reference/tondl_verified_points.csv comes from shooting with an 8th-order integrator, confirmed by collocation.
+tests/reference/tondl_verified_points.csv comes from shooting with an 8th-order integrator, confirmed by
+collocation.
 """
 
 from __future__ import annotations
@@ -30,9 +31,7 @@ def located(row: dict[str, str], formulation: Formulation) -> Event:
     eta, c1 = float(row["eta"]), float(row["c1"])
     period_map = PeriodMap(tondl(), DOPRI8, formulation)
     problem = CycleProblem(period_map, np.array([0.0, eta]), "c1", ShootingOptions(tolerance=1e-12))
-    start = BranchStart(
-        period_map.extend(np.array([0.33, 0.05, 0.0, 0.0])), c1 - 0.013, 2.0 * math.pi / eta
-    )
+    start = BranchStart(period_map.extend(np.array([0.33, 0.05, 0.0, 0.0])), c1 - 0.013, 2.0 * math.pi / eta)
     options = ContinuationOptions((c1 - 0.013, c1 + 0.007), step=0.01, maximum_step=0.01)
     events: list[Event] = []
     result = continue_branch(problem, start, options, lambda point, state, found: events.extend(found))
@@ -61,7 +60,9 @@ def test_every_row(row: dict[str, str]) -> None:
 
 @pytest.mark.parametrize("row", [ROWS[0], ROWS[7], ROWS[-1]], ids=lambda row: f"{row['kind']}-{row['eta']}")
 def test_autonomous_formulation_finds_the_same_points(row: dict[str, str]) -> None:
-    """Unknown period and Eq. 17 instead of the stroboscopic map: same parameter, same multipliers and 1, exp(-2T)."""
+    """Unknown period and Eq. 17 instead of the stroboscopic map: same parameter, same multipliers and 1,
+    exp(-2T).
+    """
     event = located(row, Formulation.AUTONOMOUS)
     assert event.kind is KINDS[row["kind"]]
     assert event.parameters[0] == pytest.approx(float(row["c1"]), abs=TOLERANCE)
