@@ -48,12 +48,18 @@ def figures(
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
-        draw(existing_store(store), output or figures_beside(store), formats, kinds, case, console)
+        directory = output or figures_beside(store)
+        written = draw(existing_store(store), directory, formats, kinds, case, console)
+        if json:
+            console.json_data({"store": str(store), "figures": [str(path) for path in written]})
+        else:
+            for path in written:
+                console.data(str(path))
 
 
-def draw_beside(store: Path, case: str | None, console: Console) -> None:
+def draw_beside(store: Path, case: str | None, console: Console) -> list[Path]:
     """Draw every figure of a store that was just written."""
-    draw(store, figures_beside(store), None, None, case, console)
+    return draw(store, figures_beside(store), None, None, case, console)
 
 
 def draw(
@@ -63,8 +69,8 @@ def draw(
     kinds: Sequence[str] | None,
     case: str | None,
     console: Console,
-) -> None:
-    """Draw figures; their paths go to stdout, what is left out and why to stderr."""
+) -> list[Path]:
+    """Draw figures and return their paths; what is left out and why goes to stderr."""
     from pipelines.datasets.reading import list_cases
     from pipelines.datasets.store import open_for_reading
     from pipelines.figures.drawing import FIGURE_KINDS, draw_figures
@@ -75,12 +81,7 @@ def draw(
     opened = open_for_reading(store)
     matching(list_cases(opened), case)
     console.message("drawing figures")
-    written = draw_figures(opened, directory, formats or ("png",), case or "*", kinds, console.message)
-    if console.json:
-        console.json_data({"store": str(store), "figures": [str(path) for path in written]})
-    else:
-        for path in written:
-            console.data(str(path))
+    return draw_figures(opened, directory, formats or ("png",), case or "*", kinds, console.message)
 
 
 def refuse_unknown(option: str, given: Sequence[str] | None, allowed: Sequence[str]) -> None:

@@ -63,7 +63,7 @@ class Outcome:
 
 
 def stage_command(
-    stages: Sequence[str], afterwards: Callable[[Path, str | None, Console], None] | None = None
+    stages: Sequence[str], afterwards: Callable[[Path, str | None, Console], list[Path]] | None = None
 ) -> Callable[..., None]:
     """Make the command that runs `stages` in order on every case, then `afterwards` on their store."""
 
@@ -84,8 +84,9 @@ def stage_command(
             store = output or default_store(config)
             request = Request(config, store, tuple(assignments or ()), case, dry_run, force)
             outcome = execute(stages, request, console)
-            if afterwards is not None and not dry_run:
-                afterwards(store, case, console)
+            if not dry_run:
+                files = afterwards(store, case, console) if afterwards is not None else []
+                show_outcome(outcome, store, files, console)
             raise typer.Exit(outcome.exit_code())
 
     return command
@@ -105,7 +106,6 @@ def execute(stages: Sequence[str], request: Request, console: Console) -> Outcom
         console.error(f"stopped; everything committed is in {request.store}. To go on:")
         console.error(f"  {resume_command(sys.argv)}")
         raise typer.Exit(interruption.exit_code)
-    show_outcome(outcome, request.store, console)
     return outcome
 
 
@@ -177,11 +177,14 @@ def show_plan(
     console.message(f"dry run: {state} {request.store}; nothing was computed")
 
 
-def show_outcome(outcome: Outcome, store: Path, console: Console) -> None:
-    """Close a finished run: the JSON document if asked for, and how many cases failed."""
+def show_outcome(outcome: Outcome, store: Path, files: Sequence[Path], console: Console) -> None:
+    """Close a finished run: figures, the JSON document if asked for, and how many cases failed."""
     if console.json:
         records = [{"stage": stage, **result.as_dict()} for stage, result in outcome.results]
-        console.json_data({"store": str(store), "results": records})
+        console.json_data({"store": str(store), "results": records, "figures": [str(path) for path in files]})
+    else:
+        for path in files:
+            console.data(str(path))
     failed = sum(not result.ok for _, result in outcome.results)
     if failed:
         console.error(f"{failed} of {len(outcome.results)} results failed; the others are in {store}")

@@ -49,6 +49,17 @@ def test_results_as_json(program: Program, smoke: Path) -> None:
     assert result["summary"] == {"instability_speed": 1.0778}
 
 
+def test_the_chain_prints_one_json_document(program: Program, smoke: Path) -> None:
+    document = json.loads(program("run", "smoke.toml", "--json").stdout)
+    assert [result["stage"] for result in document["results"]] == [
+        "linearize",
+        "criticals",
+        "continue_cycles",
+    ]
+    # The stages of this test write nothing: the machine is all that can be drawn.
+    assert document["figures"] == ["build/smoke-figures/smoke/machine.png"]
+
+
 def test_a_glob_chooses_cases_and_the_store_holds_all(program: Program, three: Path) -> None:
     first = program("linearize", "three.toml", "--case", "*=5*")
     assert first.exit_code == ExitCode.DONE

@@ -127,6 +127,12 @@ def test_files_that_the_readme_names_exist() -> None:
     assert {f"configs/{path.name}" for path in (ROOT / "configs").glob("*.toml")} <= named
 
 
+def test_pictures_of_the_readme_exist() -> None:
+    shown = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README)
+    assert shown
+    assert all((ROOT / name).read_bytes().startswith(b"\x89PNG") for name in shown)
+
+
 def test_make_targets_of_the_readme_exist() -> None:
     targets = set(re.findall(r"^([a-z]+):.*## ", (ROOT / "Makefile").read_text(), flags=re.MULTILINE))
     assert targets == {"help", "install", "test", "lint", "smoke", "figures", "bench", "clean"}
