@@ -131,6 +131,8 @@ def film_settings(case: Case, index: int) -> FilmSettings:
         stiffness_ratio = 0.0
     else:
         stiffness_ratio = 1.0 if np.isinf(reference) else own.foil_stiffness / reference
+    # A displacement is given in clearances of either bearing; a load moves both rings by the same length.
+    amplitude = excitation.amplitudes[index] / (1.0 if excitation.load is None else own.clearance_ratio)
     return FilmSettings(
         circumferential=numerics.circumferential,
         axial=numerics.axial,
@@ -148,7 +150,7 @@ def film_settings(case: Case, index: int) -> FilmSettings:
         absolute_pressure=table.foil.pressure == "absolute",
         ring_radius=table.radius / table.clearance,
         ring_ratio=ring_ratio(case),
-        ring_amplitude=excitation.amplitudes[index],
+        ring_amplitude=amplitude,
         ring_phase=excitation.phases[index],
     )
 
