@@ -47,8 +47,9 @@ class GroupLock:
                 self._file = file
             else:
                 file.close()
-        self._file.truncate(0)
-        self._file.write(f"{os.getpid()} {socket.gethostname()}\n".encode())
+        with contextlib.suppress(OSError):  # on a full disk the lock holds as well, without a name
+            self._file.truncate(0)
+            self._file.write(f"{os.getpid()} {socket.gethostname()}\n".encode())
 
     def _locked_file(self, wait: bool) -> FileIO:
         try:

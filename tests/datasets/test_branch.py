@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import subprocess
 import sys
@@ -229,6 +230,15 @@ def test_lock_files_leave_with_their_writer(store: Store) -> None:
             GroupLock(store.path, "a")
         assert GroupLock.known(store.path) == ["a"]
     assert not list(store.path.parent.glob(".*"))
+
+
+def test_a_file_system_without_locks_is_refused(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def flock(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("pipelines.datasets.locking.fcntl.flock", flock)
+    with pytest.raises(StoreError, match=r"cannot lock files .*Put the store on another one"):
+        open_branch(store, GROUP, "cycles", LEAN)
 
 
 def test_leftovers_of_interrupted_writes_are_swept(store: Store) -> None:

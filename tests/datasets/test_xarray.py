@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from pipelines.datasets.branch import open_branch
+from pipelines.datasets.branch import open_branch, write_group
+from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import read_branch
 from pipelines.datasets.store import Store, open_for_reading
 from tests.helpers.synthetic import FULL, GROUP, extend, static
@@ -34,6 +35,22 @@ def test_xarray_opens_a_finished_store(finished: Path) -> None:
     for name, values in ours.arrays.items():
         np.testing.assert_array_equal(branch[name].values[: len(values)], values, err_msg=name)
     assert tree["cases/synthetic/criticals"]["critical_speed"].values.tolist() == [0.5, 1.25]
+
+
+def test_xarray_opens_speeds_that_are_not_all_written_and_empty_arrays(store: Store) -> None:
+    sizes = {"speed": 5, "component": 3, "eigenvalue": 2}
+    with open_branch(store, "cases/synthetic/linear", "linear", sizes) as writer:
+        for speed in (0.5, 0.75):
+            row = {name: np.full(a.row_shape, 1) for name, a in writer.arrays.items()}
+            writer.commit(row | {"speed": speed})
+    nothing = {"critical_speed": [], "critical_mode_shape": np.zeros((0, 7, 2), complex)}
+    write_group(store, "cases/synthetic/criticals", "criticals", nothing)
+    tree = open_quietly(store.path)
+    linear = tree["cases/synthetic/linear"].to_dataset()
+    assert linear["state"].sel(speed=0.75).values.tolist() == [1.0, 1.0, 1.0]
+    assert np.isnan(linear["speed"].values[2:]).all()
+    assert tree["cases/synthetic/criticals"]["critical_mode_shape"].shape == (0, 7, 2)
+    assert verify(store) == []
 
 
 def test_xarray_opens_without_arguments(finished: Path) -> None:
