@@ -11,7 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.patches import Circle
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
+
+TICKS = 6  # at most this many intervals on a second axis: its numbers are long
 
 Conversion = Callable[[ArrayLike], ArrayLike]
 
@@ -68,6 +71,7 @@ def add_top(axes: Axes, factor: float, label: str) -> None:
     """Second x axis: ``factor`` times the first."""
     second = axes.secondary_xaxis("top", functions=_proportional(factor))
     second.set_xlabel(label)
+    second.xaxis.set_major_locator(MaxNLocator(TICKS))
 
 
 def add_right(axes: Axes, factor: float, label: str) -> None:

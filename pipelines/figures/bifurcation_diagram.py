@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,6 +24,17 @@ class EventMark:
     label: str
     marker: str
     colour: str
+
+    def look(self, located: bool = True) -> dict[str, Any]:
+        """Marker options; hollow where the bifurcation was noticed between two points but not located."""
+        return {
+            "marker": self.marker,
+            "markersize": 5.5,
+            "linestyle": "none",
+            "markerfacecolor": self.colour if located else "white",
+            "markeredgecolor": "white" if located else self.colour,
+            "markeredgewidth": 0.6 if located else 1.2,
+        }
 
 
 EVENT_MARKS = {
@@ -91,6 +103,12 @@ def event_names(branch: Table) -> list[str]:
     return [str(name) for name in branch["event_kind"]] if "event_kind" in branch else []
 
 
+def event_looks(branch: Table) -> list[dict[str, Any]]:
+    """Marker options of every bifurcation of a branch, in order."""
+    located = np.isfinite(branch.optional("event_residual"))
+    return [EVENT_MARKS[kind].look(bool(ok)) for kind, ok in zip(event_names(branch), located, strict=True)]
+
+
 @style.in_style
 def draw_bifurcation_diagram(case: CaseView, parameter: str, branches: Sequence[Table]) -> Figure:
     """Envelope of the vertical and horizontal journal motion and its largest eccentricity."""
@@ -149,19 +167,8 @@ def _draw_curve(
             axes.plot(curve.parameter[start : stop + 1], column[start : stop + 1], linestyle=line, **look)
         if len(curve.parameter) == 1:
             axes.plot(curve.parameter, column, marker="o", linestyle="none", **look)
-        for row, kind in zip(curve.event_rows, event_names(branch), strict=True):
-            mark = EVENT_MARKS[kind]
-            axes.plot(
-                curve.parameter[row],
-                column[row],
-                marker=mark.marker,
-                markersize=5.5,
-                markerfacecolor=mark.colour,
-                markeredgecolor="white",
-                markeredgewidth=0.6,
-                linestyle="none",
-                zorder=5,
-            )
+        for row, look_of_event in zip(curve.event_rows, event_looks(branch), strict=True):
+            axes.plot(curve.parameter[row], column[row], zorder=5, **look_of_event)
     return list(curve.values.T)
 
 
@@ -182,22 +189,8 @@ def _legend(bearings: int, kinds: set[str]) -> list[Line2D]:
     handles.append(Line2D([], [], color="#333333", linestyle=(0, (3.5, 1.8)), label="unstable"))
     for kind, mark in EVENT_MARKS.items():
         if kind in kinds:
-            handles.append(event_handle(mark))
+            handles.append(Line2D([], [], label=mark.label, **mark.look()))
     return handles
-
-
-def event_handle(mark: EventMark) -> Line2D:
-    """Legend entry of a bifurcation."""
-    return Line2D(
-        [],
-        [],
-        marker=mark.marker,
-        markersize=5.5,
-        color="none",
-        markerfacecolor=mark.colour,
-        markeredgecolor="white",
-        label=mark.label,
-    )
 
 
 def _progress(branches: Sequence[Table]) -> str:

@@ -20,8 +20,10 @@ DAMPING_MAP = "cividis"
 LARGEST_DAMPING = 0.5  # modes damped more than this are no criticals
 SHAPES = 4  # mode shapes drawn
 LINES: dict[str, Any] = {"forward": "-", "backward": (0, (4, 1.5)), "mixed": ":"}
+# Colour changes from segment to segment, so dashes are cut out of the whole line in white.
+GAPS: dict[str, Any] = {"backward": (0, (1.2, 3.5)), "mixed": (0, (0.9, 0.9))}
 DIRECTION_COLOURS = {"forward": style.BLUE, "backward": style.VERMILION, "mixed": style.PURPLE}
-OBLIQUE = 0.16  # how far along the rotor a horizontal displacement of 1 is drawn, over its length
+OBLIQUE = 0.1  # how far along the rotor a horizontal displacement of 1 is drawn, over its length
 RESONANCE_MARKS = {
     "principal": ("D", style.VERMILION, r"$2\bar{\Omega}_j/n$"),
     "sum": ("^", style.BLUE, r"$(\bar{\Omega}_j+\bar{\Omega}_k)/n$"),
@@ -52,10 +54,17 @@ def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> list[Line
     norm = Normalize(0.0, LARGEST_DAMPING)
     lines = None
     for mode in range(frequency.shape[1]):
-        for name, dashes in LINES.items():
-            shown = np.where(direction[:, mode] == name, frequency[:, mode], np.nan)
-            lines = coloured_line(
-                axes, speed, shown, damping[:, mode], norm, DAMPING_MAP, linestyle=dashes, linewidth=1.5
+        lines = coloured_line(
+            axes, speed, frequency[:, mode], damping[:, mode], norm, DAMPING_MAP, linewidth=1.6
+        )
+        for name, gaps in GAPS.items():
+            axes.plot(
+                speed,
+                stretches(frequency[:, mode], direction[:, mode] == name),
+                color="white",
+                linewidth=2.2,
+                linestyle=gaps,
+                dash_capstyle="butt",
             )
     top = float(np.nanmax(frequency)) if np.isfinite(frequency).any() else float(np.max(speed))
     top = min(top, 2.0 * float(np.max(speed)))
@@ -73,6 +82,13 @@ def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> list[Line
     handles.append(Line2D([], [], color="#666666", linewidth=0.8, linestyle="-.", label="synchronous"))
     handles.append(_critical_handle())
     return handles
+
+
+def stretches(values: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Values at the chosen points and the point behind each, NaN elsewhere: the lines that leave them."""
+    kept = chosen.copy()
+    kept[1:] |= chosen[:-1]
+    return np.where(kept, values, np.nan)
 
 
 def _critical_handle() -> Line2D:

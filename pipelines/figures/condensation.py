@@ -44,7 +44,7 @@ def draw_condensation(case: CaseView, criticals: Table) -> Figure:
     _draw_assurance(figure.add_subplot(grid[0, 1]), criticals)
     handles = _draw_unbalance(figure.add_subplot(grid[1, 1]), case, criticals)
     bars = [Patch(color=style.BLUE, label="full"), Patch(color=style.ORANGE, label="condensed")]
-    style.legend_below(figure, [*bars, *handles], 8)
+    style.legend_below(figure, [*bars, *handles], 7)
     return style.finish(figure, f"{case.name}: full and condensed rotor", case.note)
 
 
@@ -70,13 +70,13 @@ def _draw_bars(axes: Axes, full: FloatArray, condensed: FloatArray, label: str, 
     axes.grid(False, axis="x")
     axes.set_xticks(modes)
     axes.set(xlabel="mode", ylabel=label)
-    axes.margins(y=0.24)
+    axes.margins(y=0.3)
 
 
 def _draw_assurance(axes: Axes, criticals: Table) -> None:
     """Modal assurance criterion: one on the diagonal where both rotors have the same modes."""
     assurance = criticals["mac"]
-    image = axes.imshow(assurance, vmin=0.0, vmax=1.0, cmap="Blues", origin="lower", aspect="auto")
+    axes.imshow(assurance, vmin=0.0, vmax=1.0, cmap="Blues", origin="lower", aspect="auto")
     axes.grid(False)
     for row, column in np.ndindex(*assurance.shape):
         value = float(assurance[row, column])
@@ -95,7 +95,7 @@ def _draw_assurance(axes: Axes, criticals: Table) -> None:
     axes.set_yticks(np.arange(rows), [str(mode + 1) for mode in range(rows)])
     axes.tick_params(length=0)
     axes.set(xlabel="mode, condensed rotor", ylabel="mode, full rotor")
-    axes.figure.colorbar(image, ax=axes, label="modal assurance criterion [–]", location="top", aspect=30)
+    axes.set_title("modal assurance criterion")
 
 
 def _draw_unbalance(axes: Axes, case: CaseView, criticals: Table) -> list[Line2D]:

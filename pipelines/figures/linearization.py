@@ -8,12 +8,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
 from pipelines.figures import style
 from pipelines.figures.axes import add_parameter_axis, add_right, clearance_circle, limits
 from pipelines.figures.contents import CaseView, Table
 
 COEFFICIENTS = (("xx", 0, 0), ("xy", 0, 1), ("yx", 1, 0), ("yy", 1, 1))
+SYNCHRONOUS: dict[str, Any] = {"color": "#666666", "linewidth": 0.8, "linestyle": "-."}
+LEAST_DAMPED = 4  # eigenvalues of each speed that the growth axis is made for
 RATIO_LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)), ":", "-.")
 
 
@@ -51,18 +54,23 @@ def _draw_eigenvalues(growth: Axes, frequency: Axes, linear: Table) -> None:
         axes.plot(along[unstable], part[unstable], ".", color=style.VERMILION, markersize=4.5)
         axes.set_xlim(*limits(speed, 0.03))
     growth.axhline(0.0, color="#333333", linewidth=0.9)
+    growth.set_ylim(*limits(least_damped(eigenvalues, upper), 0.08))
     growth.set_ylabel(r"growth Re $\lambda$ [–]")
+    growth.set_title("the least damped eigenvalues")
+    frequency.set_ylim(0.0, 1.1 * float(speed.max()))
     frequency.set_ylabel(r"frequency Im $\lambda$ [–]")
-    frequency.plot(speed, 0.5 * speed, color="#666666", linewidth=0.8, linestyle="-.")
-    frequency.annotate(
-        "half speed",
-        (speed[-1], 0.5 * speed[-1]),
-        textcoords="offset points",
-        xytext=(-2, 4),
-        ha="right",
-        fontsize=7,
-        color="#444444",
-    )
+    frequency.set_title("below the synchronous frequency")
+    for ratio in (0.5, 1.0):
+        frequency.plot(speed, ratio * speed, **SYNCHRONOUS)
+
+
+def least_damped(eigenvalues: NDArray[np.complex128], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Real parts of the few chosen eigenvalues nearest to instability at every speed: what decides stability.
+
+    One strongly damped eigenvalue would hide them all.
+    """
+    sorted_parts = -np.sort(-np.where(chosen, eigenvalues.real, -np.inf), axis=1)
+    return np.asarray(sorted_parts[:, :LEAST_DAMPED])
 
 
 def instability_speed(linear: Table) -> float:
@@ -76,15 +84,15 @@ def _draw_locus(axes: Axes, case: CaseView, linear: Table) -> None:
     journal = linear["journal"]
     for bearing in range(case.bearings):
         axes.plot(journal[:, bearing, 0], journal[:, bearing, 1], **style.bearing_look(bearing))
-    for row, side, gap in ((0, "right", -5), (len(journal) - 1, "left", 5)):
+    for row, height in ((0, -3), (len(journal) - 1, 3)):
         axes.plot(journal[row, :, 0], journal[row, :, 1], ".", color="#333333", markersize=4)
         axes.annotate(
             rf"$\bar{{\Omega}}$ = {float(linear['speed'][row]):.3g}",
             journal[row, 0],
             textcoords="offset points",
-            xytext=(gap, 0),
-            ha=side,
-            va="center",
+            xytext=(-5 if journal[row, 0, 0] > 0.0 else 5, height),
+            ha="right" if journal[row, 0, 0] > 0.0 else "left",
+            va="top" if height < 0 else "bottom",
             fontsize=7,
         )
     axes.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08), xlabel=r"$\bar{x}_j$ [–]", ylabel=r"$\bar{y}_j$ [–]")
@@ -134,6 +142,7 @@ def _legend(case: CaseView, linear: Table) -> list[Line2D]:
     for number, ratio in enumerate(linear["whirl_ratio"]):
         line = RATIO_LINES[number % len(RATIO_LINES)]
         handles.append(Line2D([], [], color="#333333", linestyle=line, label=f"whirl ratio {float(ratio):g}"))
+    handles.append(Line2D([], [], label="half and full speed", **SYNCHRONOUS))
     if np.isfinite(instability_speed(linear)):
         handles.append(Line2D([], [], color=style.VERMILION, linestyle=":", label="instability speed"))
     return handles

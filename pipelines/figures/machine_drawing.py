@@ -188,7 +188,7 @@ def _legend(machine: Table) -> list[Line2D | Patch]:
     ]
     if len(machine.optional("disc_node")):
         handles.append(
-            Patch(facecolor=DISC_COLOUR, edgecolor="#333333", linewidth=0.6, label="disc (equal mass)")
+            Patch(facecolor=DISC_COLOUR, edgecolor="#333333", linewidth=0.6, label="disc (equal inertia)")
         )
     handles.append(
         Patch(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, limits
-from pipelines.figures.bifurcation_diagram import EVENT_MARKS, event_handle, event_names
+from pipelines.figures.bifurcation_diagram import EVENT_MARKS, event_looks, event_names
 from pipelines.figures.contents import CaseView, Table
 
 LARGEST_SHOWN = 1.6  # multipliers beyond this would shrink the unit circle to a dot
@@ -43,7 +43,11 @@ def draw_multipliers(case: CaseView, parameter: str, branch: Table, name: str) -
     _draw_moduli(moduli, multipliers, along, branch, parameter)
     add_parameter_axis(moduli, parameter, case.scales)
     present = set(event_names(branch))
-    handles = [event_handle(mark) for kind, mark in EVENT_MARKS.items() if kind in present]
+    handles = [
+        Line2D([], [], label=mark.label, **mark.look())
+        for kind, mark in EVENT_MARKS.items()
+        if kind in present
+    ]
     handles += [
         Line2D([], [], color=colour, marker=marker, markersize=3.5, linestyle="none", label=label)
         for label, colour, marker in KINDS
@@ -122,11 +126,10 @@ def _draw_moduli(
             parameters[chosen], moduli[chosen], marker, color=colour, markersize=2.4, markeredgewidth=0.0
         )
     axes.axhline(1.0, color="#333333", linewidth=0.9)
-    for row, kind in enumerate(event_names(branch)):
-        mark = EVENT_MARKS[kind]
+    for row, (kind, look) in enumerate(zip(event_names(branch), event_looks(branch), strict=True)):
         value = float(branch[f"event_{parameter}"][row])
-        axes.axvline(value, color=mark.colour, linewidth=1.0, linestyle=":")
-        axes.plot(value, 1.0, marker=mark.marker, markersize=5.5, color=mark.colour, markeredgecolor="white")
+        axes.axvline(value, color=EVENT_MARKS[kind].colour, linewidth=1.0, linestyle=":")
+        axes.plot(value, 1.0, **look)
     top = min(LARGEST_SHOWN, max(1.15, 1.05 * float(np.nanmax(moduli, initial=1.0))))
     axes.set(ylabel=r"$|\mu|$", ylim=(0.0, top))
     axes.set_xlim(*limits(along, 0.03))

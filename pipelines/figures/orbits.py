@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from pipelines.figures import style
@@ -17,7 +18,6 @@ from pipelines.figures.contents import CaseView, Table, stable_points
 CYCLES = 4  # cycles drawn together
 SNAPSHOTS = 4  # instants drawn together
 PHASE_TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
-ANGLE_TICKS = (0, 90, 180, 270, 360)
 
 
 def representative_points(branch: Table, count: int = CYCLES) -> NDArray[np.intp]:
@@ -87,12 +87,19 @@ def _draw_orbit(
     closed = np.vstack([orbit, orbit[:1]])
     for axes in panels:
         axes.plot(closed[:, x], closed[:, y], **look)
-        axes.plot(closed[0, x], closed[0, y], marker="o", markersize=3, color=look["color"])
+    panels[-1].plot(closed[0, x], closed[0, y], marker="o", markersize=3, color=look["color"])
 
 
 def _draw_minimum_film(axes: Axes, branch: Table, point: int, bearing: int, look: dict[str, Any]) -> None:
     film = branch["minimum_film_trace"][point][:, bearing]
     axes.plot(np.linspace(0.0, 1.0, len(film) + 1), np.append(film, film[0]), **look)
+
+
+def once_around(degrees: NDArray[np.float64]) -> tuple[float, float]:
+    """Limits of one turn around the nodes of a film, which may begin anywhere; NaN pads shorter films."""
+    first, last = float(np.nanmin(degrees)), float(np.nanmax(degrees))
+    start = first - 0.5 * (360.0 - (last - first))
+    return start, start + 360.0
 
 
 @style.in_style
@@ -103,13 +110,13 @@ def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: i
     """
     point = last_stable_point(branch) if point is None else point
     figure = style.new_figure(6.4)
-    panels = figure.subplots(3, case.bearings, squeeze=False, sharex=True, sharey="row")
+    panels = figure.subplots(3, case.bearings, squeeze=False, sharex="col", sharey="row")
     rows = (
         ("film_pressure", r"mean pressure $\bar{p}_m$ [–]", 1.0),
         ("foil_displacement", r"foil $\bar{q}$ [–]", 0.0),
         ("film_thickness", r"film thickness $\bar{h}$ [–]", None),
     )
-    degrees = np.degrees(branch["theta"] % (2.0 * np.pi))  # (bearing, theta)
+    degrees = np.degrees(branch["theta"])  # (bearing, theta)
     snapshots = branch["film_pressure"].shape[1]
     chosen = np.unique(np.linspace(0, snapshots, min(SNAPSHOTS, snapshots), endpoint=False).astype(int))
     for row, (array, label, reference) in enumerate(rows):
@@ -124,8 +131,8 @@ def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: i
                     color=style.CYCLE[number],
                     label=rf"$\tau/T$ = {snapshot / snapshots:.3g}",
                 )
-            axes.set_xticks(ANGLE_TICKS)
-            axes.set_xlim(0.0, 360.0)
+            axes.xaxis.set_major_locator(MultipleLocator(90.0))
+            axes.set_xlim(*once_around(degrees[bearing]))
         panels[row, 0].set_ylabel(label)
         panels[row, 0].set_ylim(*limits(branch[array][point], 0.08))
     for bearing in range(case.bearings):

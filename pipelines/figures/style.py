@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
+from textwrap import wrap
 from types import MappingProxyType
 from typing import Any, ParamSpec
 
@@ -34,6 +35,7 @@ BEARING_WIDTHS, BEARING_ALPHAS = (3.0, 1.1), (0.4, 1.0)
 PARAMETER_MAP = "viridis"
 
 DOUBLE_COLUMN = 7.2  # inches: the width of a journal page
+NOTE_WIDTH = 120  # letters in a line of the note on the machine
 
 SETTINGS: MappingProxyType[Any, Any] = MappingProxyType(
     {
@@ -110,11 +112,13 @@ def new_figure(height: float, width: float = DOUBLE_COLUMN) -> Figure:
 
 def finish(figure: Figure, title: str, note: str = "") -> Figure:
     """Give a figure its title and, where there is one, the note on what the machine is."""
-    heading = figure.suptitle(title + ("\n " if note else ""), fontsize=9.5, fontweight="bold")
-    if note:
+    lines = wrap(note, NOTE_WIDTH)
+    # Blank lines below the title keep the place of the note, which is set in another type.
+    heading = figure.suptitle(title + "\n " * len(lines), fontsize=9.5, fontweight="bold")
+    if lines:
         figure.add_artist(
             Annotation(
-                note,
+                "\n".join(lines),
                 (0.5, 0.0),
                 xycoords=heading,
                 ha="center",

@@ -179,6 +179,7 @@ def cycles(points: int = 40) -> tuple[Arrays, list[dict[str, Any]]]:
         "multiplier_residual": np.full((points, MULTIPLIERS), 1e-9),
         "multiplier_count": np.full(points, 8),
         "step": np.full(points, 0.02),
+        "arclength": np.linspace(0.0, 1.0, points),
         "direction": np.ones(points, dtype=np.int8),
         "newton_iterations": np.full(points, 4),
         "steps_per_period": np.full(points, 1500),
@@ -191,7 +192,7 @@ def cycles(points: int = 40) -> tuple[Arrays, list[dict[str, Any]]]:
         "film_pressure": pressure,
         "foil_displacement": foil,
         "film_thickness": 1 - bump + foil,
-        "theta": theta,
+        "theta": np.array([theta, theta]),
     }
     return arrays, [event for event in events if event["event_after_point"] < points - 1]
 
@@ -276,7 +277,7 @@ def write_branch(store: Store, group: str, points: int) -> None:
     }
     sizes |= {"coordinate": 2 * len(MASTERS), "snapshot": SNAPSHOTS, "theta": THETAS}
     static = {
-        "theta": np.tile(theta, (2, 1)),
+        "theta": theta,
         "sample": np.arange(SAMPLES) / SAMPLES,
         "snapshot": np.arange(SNAPSHOTS) / SNAPSHOTS,
         "coordinate_node": np.repeat(MASTERS, 2),

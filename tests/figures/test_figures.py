@@ -11,13 +11,19 @@ from matplotlib.patches import Rectangle
 
 from pipelines.figures.axes import add_parameter_axis, limits
 from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram, thread_events
-from pipelines.figures.campbell import draw_campbell, largest_deflection
+from pipelines.figures.campbell import draw_campbell, largest_deflection, stretches
 from pipelines.figures.condensation import draw_condensation
 from pipelines.figures.contents import MissingDataError, Table
-from pipelines.figures.linearization import draw_linearization
+from pipelines.figures.linearization import draw_linearization, least_damped
 from pipelines.figures.machine_drawing import draw_machine
 from pipelines.figures.multipliers import draw_multipliers
-from pipelines.figures.orbits import draw_film, draw_orbits, last_stable_point, representative_points
+from pipelines.figures.orbits import (
+    draw_film,
+    draw_orbits,
+    last_stable_point,
+    once_around,
+    representative_points,
+)
 from pipelines.figures.style import new_figure
 
 
@@ -93,6 +99,7 @@ def test_a_fold_between_two_points_of_equal_parameter_is_drawn_in_between():
         "event_after_point": np.array([1]),
         "event_speed": np.array([1.02]),
         "event_state": np.array([[1.25]]),
+        "event_residual": np.array([1e-12]),
     }
     curve = thread_events(Table(arrays), "speed", np.array([[0.0], [1.0], [2.0], [3.0]]))
     np.testing.assert_allclose(curve.parameter, [0.9, 1.0, 1.02, 1.0, 0.9])
@@ -238,6 +245,33 @@ def test_film_is_that_of_the_last_stable_cycle(figures, branch):
     pressure = figures["film"].axes[0]
     drawn = [line.get_ydata() for line in pressure.get_lines() if len(line.get_xdata()) > 2]
     np.testing.assert_array_equal(drawn, branch["film_pressure"][point, ::2, 0])
+
+
+def test_film_is_shown_once_around_from_its_edge():
+    nodes = np.array([105.0, 120.0, 435.0, np.nan])  # an edge at 90 degrees, padded
+    assert once_around(nodes) == (90.0, 450.0)
+
+
+def test_a_bifurcation_that_was_not_located_is_hollow(view, branch):
+    residual = branch["event_residual"].copy()
+    residual[1] = np.nan
+    figure = draw_bifurcation_diagram(
+        view, "speed", [Table({**branch.arrays, "event_residual": residual}, branch.attributes)]
+    )
+    marks = [line for line in figure.axes[0].get_lines() if line.get_marker() == "D"]
+    hollow = {float(line.get_xdata()[0]) for line in marks if line.get_markerfacecolor() == "white"}
+    assert hollow == {0.62}
+
+
+def test_campbell_lines_leave_a_point_with_its_direction():
+    values = stretches(np.arange(5.0), np.array([False, True, False, False, True]))
+    np.testing.assert_array_equal(values, [np.nan, 1.0, 2.0, np.nan, 4.0])
+
+
+def test_growth_axis_is_made_for_the_least_damped_eigenvalues():
+    eigenvalues = np.array([[-9.0 + 1j, -0.1 + 1j, 0.2 + 0j, np.nan, -0.3 - 1j, -0.4 + 2j, -0.5 + 1j]])
+    chosen = np.isfinite(eigenvalues) & (eigenvalues.imag >= 0)
+    np.testing.assert_allclose(least_damped(eigenvalues, chosen), [[0.2, -0.1, -0.4, -0.5]])
 
 
 def test_a_missing_array_is_named(view, branch):
