@@ -1,6 +1,6 @@
-"""Equilibria by damped Newton with the sparse Jacobian: one film at a given journal position, or the whole machine.
+"""Equilibria by damped Newton with the sparse Jacobian: a film about a fixed journal, or a whole machine.
 
-    s <- s - t J(s)^-1 f(s),  t halved until the film stays open, the pressure positive and |f| decreases
+s <- s - t J(s)^-1 f(s),  t halved until the film stays open, the pressure positive and |f| decreases
 """
 
 from __future__ import annotations
@@ -66,7 +66,10 @@ def damped_newton(
             if feasible(trial):
                 trial_value = residual(trial)
                 # Rounding keeps |f| from decreasing in the last iteration.
-                if np.linalg.norm(trial_value) < (1.0 - 0.1 * damping) * norm or size < 1e3 * options.tolerance:
+                if (
+                    np.linalg.norm(trial_value) < (1.0 - 0.1 * damping) * norm
+                    or size < 1e3 * options.tolerance
+                ):
                     break
             damping *= 0.5
         else:
@@ -113,8 +116,8 @@ def machine_equilibrium(
 ) -> Equilibrium:
     """Equilibrium of the whole machine with its rings in their mean position, state of shape (N,).
 
-    Without success from the guess, or without a guess, the rotor's weight is put on the films step by step; if they
-    cannot carry all of it, the reason says how much they carry.
+    Without success from the guess, or without a guess, the rotor's weight is put on the films step by step;
+    if they cannot carry all of it, the reason says how much they carry.
     """
     still = at_rest(parameters)
     if guess is not None:
@@ -144,22 +147,24 @@ def _carry(machine: Machine, still: Array, guess: Array, share: float, options: 
 
 
 def _ramp_weight(machine: Machine, still: Array, options: NewtonOptions) -> Equilibrium:
-    """Follow the equilibrium while the weight grows from 5 % to all of it; halve the increment on failure."""
-    share, step = 0.05, 0.1
-    result = _carry(machine, still, resting_guess(machine, still, eccentricity=0.1), share, options)
-    carried = share if result.converged else 0.0
+    """Follow the equilibrium while the weight grows from nothing to all; halve the increment on failure."""
+    carried, step = 0.0, 0.1
+    result = _carry(
+        machine, still, resting_guess(machine, still, eccentricity=0.0, share=0.0), carried, options
+    )
+    obstacle = result.reason
     while result.converged and carried < 1.0 and step > 1e-3:
         share = min(1.0, carried + step)
         trial = _carry(machine, still, result.state, share, options)
         if trial.converged:
             result, carried, step = trial, share, 1.5 * step
         else:
-            step *= 0.5
+            obstacle, step = trial.reason, 0.5 * step
     if carried == 1.0:
         return result
     reason = (
-        f"the films carry only {100.0 * carried:.0f} % of the rotor's weight at this speed "
-        f"({result.reason}); raise the speed, the bearing area or the viscosity, or lighten the rotor"
+        f"the films carry only {100.0 * carried:.1f} % of the rotor's weight at this speed "
+        f"({obstacle}); raise the speed, the bearing area or the viscosity, or lighten the rotor"
     )
     return replace(result, converged=False, reason=reason)
 
@@ -178,12 +183,19 @@ def ambient_film(bearing: Bearing, parameters: Array) -> Array:
     unknowns = np.concatenate([np.ones(pressures), np.zeros(settings.nodes)])
     # q = 0 gives dq/dtau = a (p_m - 1) + r q_r: one relaxation time of it is the foil at rest
     relaxation = film.foil_coefficients(parameters, bearing.integers, bearing.scalars)[1]
-    unknowns[pressures:] = film_state(bearing, unknowns, np.zeros(4), MEAN_PHASE, parameters).rates[pressures:] / relaxation
+    unknowns[pressures:] = (
+        film_state(bearing, unknowns, np.zeros(4), MEAN_PHASE, parameters).rates[pressures:] / relaxation
+    )
     return unknowns
 
 
-def resting_guess(machine: Machine, parameters: Array, eccentricity: float = 0.3) -> Array:
-    """A state with both journals at rest at this eccentricity, 45 degrees after the load line, films in equilibrium."""
+def resting_guess(
+    machine: Machine, parameters: Array, eccentricity: float = 0.3, share: float = 1.0
+) -> Array:
+    """A state with both journals at rest at this eccentricity, 45 degrees after the load line.
+
+    The films are in equilibrium there, and the rotor bends under this share of its weight.
+    """
     state = np.zeros(machine.size)
     position = eccentricity * np.sqrt(0.5) * np.array([1.0, -1.0])
     targets = np.zeros(machine.rotor_freedoms)
@@ -197,5 +209,7 @@ def resting_guess(machine: Machine, parameters: Array, eccentricity: float = 0.3
     start, size = machine.rotor_start, machine.rotor_freedoms
     acceleration = machine.space.constant[size:, :size]
     spring = 1e3 * np.abs(acceleration).max() * np.diag(held)
-    state[start : start + size] = np.linalg.solve(spring - acceleration, machine.space.gravity[size:] + spring @ targets)
+    state[start : start + size] = np.linalg.solve(
+        spring - acceleration, share * machine.space.gravity[size:] + spring @ targets
+    )
     return state

@@ -1,6 +1,6 @@
 """Small motions about an equilibrium: bearing coefficients, leading eigenvalues, the speed of instability.
 
-With the perturbation exp(sigma tau) of a journal, dF = -Z(sigma) dX of a bearing linearised as in ``machine.bearing``:
+With the perturbation exp(sigma tau) of a journal, dF = -Z(sigma) dX of a bearing (see ``machine.bearing``):
 
     Z(sigma) = -C (sigma I - A)^-1 (B + sigma D),     Z(i omega) = K + i omega C
 """
@@ -40,14 +40,16 @@ def dynamic_stiffness(
     identity = sparse.eye_array(unknowns.size)
     stiffness = np.empty((len(exponents), 2, 2), dtype=np.complex128)
     for row, sigma in enumerate(exponents):
-        response = splu((sigma * identity - linear.unknowns).tocsc()).solve(linear.position + sigma * linear.velocity)
+        response = splu((sigma * identity - linear.unknowns).tocsc()).solve(
+            linear.position + sigma * linear.velocity
+        )
         stiffness[row] = -linear.force @ response
     return stiffness
 
 
 @dataclass(frozen=True)
 class Eigenpairs:
-    """Leading eigenvalues (largest real part first), right eigenvectors (N, count), residuals |J v - lambda v| / |v|."""
+    """Eigenvalues, right eigenvectors (N, count) and residuals |J v - lambda v| / |v|."""
 
     values: ComplexArray
     vectors: ComplexArray
@@ -55,9 +57,10 @@ class Eigenpairs:
 
 
 def leading_eigenvalues(jacobian: sparse.csc_array, count: int, shifts: ComplexArray) -> Eigenpairs:
-    """The ``count`` eigenvalues of largest real part among those nearest the shifts, of each pair the one with Im >= 0.
+    """The ``count`` eigenvalues of largest real part among those nearest the shifts, in descending order.
 
-    ``shifts`` lie along the imaginary axis where the rotor's whirl frequencies are expected; a small matrix is solved
+    Of each pair only the one with Im >= 0.  ``shifts`` lie along the imaginary axis where the rotor's whirl
+    frequencies are expected: an overdamped film mode far from them may be left out.  A small matrix is solved
     whole.
     """
     pairs = eigenpairs_near(jacobian, shifts, count)
@@ -82,7 +85,9 @@ def eigenpairs_near(jacobian: sparse.csc_array, shifts: ComplexArray, count: int
         if np.all(apart):
             distinct.append(int(index))
     values, vectors = values[distinct], vectors[:, distinct]
-    residuals = np.linalg.norm(jacobian @ vectors - vectors * values, axis=0) / np.linalg.norm(vectors, axis=0)
+    residuals = np.linalg.norm(jacobian @ vectors - vectors * values, axis=0) / np.linalg.norm(
+        vectors, axis=0
+    )
     return Eigenpairs(values, vectors, residuals)
 
 
@@ -108,12 +113,19 @@ def _arnoldi(jacobian: sparse.csc_array, shift: complex, count: int) -> tuple[Co
 
 
 def whirl_shifts(machine: Machine, speed: float) -> ComplexArray:
-    """Shifts on the imaginary axis from the free rotor's low modes up to beyond the rotating speed."""
-    size = machine.rotor_freedoms
-    frequencies = np.sqrt(np.abs(np.linalg.eigvals(-machine.space.constant[size:, :size])))
-    elastic = np.sort(frequencies[frequencies > 1e-3 * frequencies.max()])
-    top = max(1.5 * speed, 1.2 * float(elastic[0]) if elastic.size else 0.0)
-    return 1j * np.linspace(0.1, 1.0, 4) * top
+    """Shifts on the imaginary axis: from the low whirl modes to beyond the rotating speed, then at higher modes.
+
+    Modes of the free rotor above that range are taken up if they decay slowly enough to lead film and foil.
+    """
+    free = np.linalg.eigvals(machine.space.constant)
+    elastic = free[free.imag > 1e-3 * np.abs(free).max()]
+    elastic = elastic[np.argsort(elastic.imag)]
+    top = 1.5 * speed if elastic.size == 0 else max(1.5 * speed, 1.2 * float(elastic[0].imag))
+    shifts = [*(np.linspace(0.1, 1.0, 4) * top)]
+    for mode in elastic[-elastic.real < top]:
+        if mode.imag > 1.2 * shifts[-1]:  # the modes of both planes coincide
+            shifts.append(mode.imag)
+    return 1j * np.array(shifts)
 
 
 @dataclass(frozen=True)
@@ -125,7 +137,9 @@ class LinearPoint:
     eigenpairs: Eigenpairs
 
 
-def linear_point(machine: Machine, parameters: Array, count: int, guess: Array | None = None) -> LinearPoint | Equilibrium:
+def linear_point(
+    machine: Machine, parameters: Array, count: int, guess: Array | None = None
+) -> LinearPoint | Equilibrium:
     """Equilibrium and leading eigenvalues; only the failed ``Equilibrium`` if there is none."""
     equilibrium = machine_equilibrium(machine, parameters, guess)
     if not equilibrium.converged:
@@ -180,7 +194,9 @@ def locate_instability(
 
     if growth(lower.speed) * growth(upper.speed) > 0.0:
         raise ValueError(f"no pair crosses the imaginary axis between {lower.speed:g} and {upper.speed:g}")
-    speed = float(brentq(growth, lower.speed, upper.speed, xtol=0.01 * tolerance, rtol=4 * np.finfo(float).eps))
+    speed = float(
+        brentq(growth, lower.speed, upper.speed, xtol=0.01 * tolerance, rtol=4 * np.finfo(float).eps)
+    )
     value, vector, equilibrium = crossing(speed)
     step = 1e-4 * speed
     slope = (growth(speed + step) - growth(speed - step)) / (2.0 * step)
