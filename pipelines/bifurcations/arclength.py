@@ -386,7 +386,13 @@ def _predict_and_correct(
     if needed > state.steps:
         grown = problem.period_map.samples * int(_STEP_GROWTH * needed / problem.period_map.samples + 1)
         guess = correction.cycle.unknowns
-        correction = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
+        again = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
+        # one history: the step length must follow the whole effort, not that of the last touch
+        return replace(
+            again,
+            residual_norms=correction.residual_norms + again.residual_norms,
+            update_norms=correction.update_norms + again.update_norms,
+        )
     return correction
 
 

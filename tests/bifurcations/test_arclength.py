@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import pickle
 from dataclasses import replace
@@ -251,6 +252,9 @@ def test_steps_per_period_grow_with_stiffness_and_only_then() -> None:
     assert steps == sorted(steps)
     assert steps[-1] > steps[0]
     assert len(set(steps)) < len(steps)
+    for (_, former, _), (point, state, _) in itertools.pairwise(rows):
+        # a point corrected twice, before and after its steps grew, shows both histories
+        assert len(point.residual_norms) == point.iterations + (2 if state.steps > former.steps else 1)
     for _, state, _ in rows:
         assert state.parameter * state.period / state.steps < RK4.real_stability_interval
 
