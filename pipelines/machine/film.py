@@ -212,6 +212,34 @@ def positive_part_moments(left, right):
 
 
 @njit(cache=True)
+def edge_moments(near, following):
+    """The moments of the cell between the ambient edge (x = 0) and its first node (x = 1), where u is ``near``.
+
+    There the straight line through u(0) = 0 would change sign everywhere at once, a kink in the force.  The sign is
+    taken from the parabola u = x (a + b x) through the next node too (``following``), whose root moves through the cell:
+    u^+ = (straight line) + (negative part of the parabola).  Returns the moments with 1 - x and x, then the derivative
+    of each with ``near`` and ``following``.
+    """
+    a, b = 0.5 * (4.0 * near - following), 0.5 * (following - 2.0 * near)
+    low, high = 0.0, 1.0  # where the parabola is negative
+    if a >= 0.0 and near >= 0.0:
+        high = 0.0
+    elif a >= 0.0:
+        low = a / (a - near)
+    elif near > 0.0:
+        high = a / (a - near)
+    second = (high**2 - low**2) / 2.0
+    third = (high**3 - low**3) / 3.0
+    fourth = (high**4 - low**4) / 4.0
+    at_edge, at_edge_slope = second - third, third - fourth
+    return (
+        near / 6.0 - a * at_edge - b * at_edge_slope, near / 3.0 - a * third - b * fourth,
+        1.0 / 6.0 - 2.0 * at_edge + at_edge_slope, 0.5 * (at_edge - at_edge_slope),
+        1.0 / 3.0 - 2.0 * third + fourth, 0.5 * (third - fourth),
+    )  # fmt: skip
+
+
+@njit(cache=True)
 def regularised_moments(left, right, width):
     """The same moments for the smooth positive part (u + sqrt(u^2 + width^2)) / 2, by Gauss quadrature in the cell."""
     first, second, first_left, first_right, second_right = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -230,6 +258,43 @@ def regularised_moments(left, right, width):
 
 
 @njit(cache=True)
+def regularised_edge_moments(near, following, width):
+    """``edge_moments`` with the negative part of the parabola regularised to (sqrt(u^2 + width^2) - u) / 2."""
+    edge, node = near / 6.0, near / 3.0
+    edge_near, edge_following, node_near, node_following = 1.0 / 6.0, 0.0, 1.0 / 3.0, 0.0
+    for g in range(_GAUSS_POINTS.size):
+        x = _GAUSS_POINTS[g]
+        by_near, by_following = x * (2.0 - x), 0.5 * x * (x - 1.0)  # the parabola's slopes with its two values
+        u = by_near * near + by_following * following
+        root = np.sqrt(u * u + width * width)
+        value = 0.5 * _GAUSS_WEIGHTS[g] * (root - u)
+        slope = 0.5 * _GAUSS_WEIGHTS[g] * (u / root - 1.0)
+        edge += value * (1.0 - x)
+        node += value * x
+        edge_near += slope * by_near * (1.0 - x)
+        edge_following += slope * by_following * (1.0 - x)
+        node_near += slope * by_near * x
+        node_following += slope * by_following * x
+    return edge, node, edge_near, edge_following, node_near, node_following
+
+
+@njit(cache=True)
+def cell_moments(left, right, integers, scalars):
+    """Moments of the clipped pressure in a cell between two nodes, by the bearing's way of clipping."""
+    if integers[CLIPPING] == GUMBEL:
+        return positive_part_moments(left, right)
+    return regularised_moments(left, right, scalars[SMOOTHING])
+
+
+@njit(cache=True)
+def end_moments(near, following, integers, scalars):
+    """Moments of the clipped pressure in a cell beside the foil edge, by the bearing's way of clipping."""
+    if integers[CLIPPING] == GUMBEL:
+        return edge_moments(near, following)
+    return regularised_edge_moments(near, following, scalars[SMOOTHING])
+
+
+@njit(cache=True)
 def film_force(padded, integers, scalars, arrays):
     """Gas force on the journal F = -iint (p-1)^+ (cos, sin) dtheta dz (Eq. 9), clipped below grid level.
 
@@ -237,24 +302,27 @@ def film_force(padded, integers, scalars, arrays):
     sum: spectrally accurate on a smooth film.
     """
     nodes, stations = integers[NODES], integers[STATIONS]
+    cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
     weights = arrays[2 * nodes + 4 + stations * stations + stations :]
+    cells = nodes + integers[PERIODIC]  # from node k to k + 1 of a padded row; those beside an edge come after
     horizontal, vertical = 0.0, 0.0
     for j in range(stations):
-        row = j * (nodes + 2)
+        row = padded[j * (nodes + 2) : (j + 1) * (nodes + 2)]
         x, y = 0.0, 0.0
         if integers[CLIPPING] == FULL:
             for k in range(1, nodes + 1):
-                x += (padded[row + k] - 1.0) * arrays[k]
-                y += (padded[row + k] - 1.0) * arrays[nodes + 2 + k]
+                x += (row[k] - 1.0) * cosine[k]
+                y += (row[k] - 1.0) * sine[k]
         else:
-            for k in range(integers[PERIODIC], nodes + 1):
-                left, right = padded[row + k] - 1.0, padded[row + k + 1] - 1.0
-                if integers[CLIPPING] == GUMBEL:
-                    first, second, _, _, _, _ = positive_part_moments(left, right)
-                else:
-                    first, second, _, _, _, _ = regularised_moments(left, right, scalars[SMOOTHING])
-                x += first * arrays[k] + second * arrays[k + 1]
-                y += first * arrays[nodes + 2 + k] + second * arrays[nodes + 3 + k]
+            for k in range(1, cells):
+                left, right, _, _, _, _ = cell_moments(row[k] - 1.0, row[k + 1] - 1.0, integers, scalars)
+                x += left * cosine[k] + right * cosine[k + 1]
+                y += left * sine[k] + right * sine[k + 1]
+            for edge, near, following in ((0, 1, 2), (nodes + 1, nodes, nodes - 1)):
+                if integers[PERIODIC] == 0:
+                    outer, inner, _, _, _, _ = end_moments(row[near] - 1.0, row[following] - 1.0, integers, scalars)
+                    x += outer * cosine[edge] + inner * cosine[near]
+                    y += outer * sine[edge] + inner * sine[near]
         horizontal += weights[j] * x
         vertical += weights[j] * y
     scale = -scalars[SPACING] * clipping_normaliser(integers, scalars)
@@ -271,35 +339,29 @@ def clipping_normaliser(integers, scalars):
 def film_force_derivatives(padded, integers, scalars, arrays, gradient):
     """Fill ``gradient`` (nodes * stations, 2): derivative of the force of ``film_force`` with every pressure."""
     nodes, stations = integers[NODES], integers[STATIONS]
+    cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
     weights = arrays[2 * nodes + 4 + stations * stations + stations :]
     factor = -scalars[SPACING] * clipping_normaliser(integers, scalars)
+    cells = nodes + integers[PERIODIC]  # from node k to k + 1 of a padded row; those beside an edge come after
     gradient[:, :] = 0.0
     for j in range(stations):
         scale = factor * weights[j]
+        row = padded[j * (nodes + 2) : (j + 1) * (nodes + 2)]
+        own = gradient[j * nodes : (j + 1) * nodes]
         if integers[CLIPPING] == FULL:
             for i in range(nodes):
-                gradient[j * nodes + i, 0] = scale * arrays[i + 1]
-                gradient[j * nodes + i, 1] = scale * arrays[nodes + 3 + i]
+                own[i, 0], own[i, 1] = scale * cosine[i + 1], scale * sine[i + 1]
             continue
-        row = j * (nodes + 2)
-        for k in range(integers[PERIODIC], nodes + 1):
-            left, right = padded[row + k] - 1.0, padded[row + k + 1] - 1.0
-            if integers[CLIPPING] == GUMBEL:
-                _, _, first_left, first_right, second_left, second_right = positive_part_moments(left, right)
-            else:
-                _, _, first_left, first_right, second_left, second_right = regularised_moments(
-                    left, right, scalars[SMOOTHING]
-                )
-            before, after = k - 1, k  # node numbers of the cell's ends; a pad is no unknown unless it wraps
-            if integers[PERIODIC] == 1 and k == nodes:
-                after = 0
-            for component in range(2):
-                trig = component * (nodes + 2) + k
-                if before >= 0:
-                    gradient[j * nodes + before, component] += scale * (
-                        first_left * arrays[trig] + second_left * arrays[trig + 1]
-                    )
-                if after < nodes:
-                    gradient[j * nodes + after, component] += scale * (
-                        first_right * arrays[trig] + second_right * arrays[trig + 1]
-                    )
+        for k in range(1, cells):
+            _, _, ll, lr, rl, rr = cell_moments(row[k] - 1.0, row[k + 1] - 1.0, integers, scalars)
+            own[k - 1, 0] += scale * (ll * cosine[k] + rl * cosine[k + 1])
+            own[k - 1, 1] += scale * (ll * sine[k] + rl * sine[k + 1])
+            own[k % nodes, 0] += scale * (lr * cosine[k] + rr * cosine[k + 1])
+            own[k % nodes, 1] += scale * (lr * sine[k] + rr * sine[k + 1])
+        for edge, near, following in ((0, 1, 2), (nodes + 1, nodes, nodes - 1)):
+            if integers[PERIODIC] == 0:
+                _, _, en, ef, nn, nf = end_moments(row[near] - 1.0, row[following] - 1.0, integers, scalars)
+                own[near - 1, 0] += scale * (en * cosine[edge] + nn * cosine[near])
+                own[near - 1, 1] += scale * (en * sine[edge] + nn * sine[near])
+                own[following - 1, 0] += scale * (ef * cosine[edge] + nf * cosine[near])
+                own[following - 1, 1] += scale * (ef * sine[edge] + nf * sine[near])
