@@ -244,7 +244,7 @@ class ContinueCycles(Table):
         because="the store is laid out for them",
     )
     minimum_film: float = quantity(
-        "the branch ends where a film, anywhere on the orbit, becomes thinner than this part of its clearance",
+        "the branch ends where a film becomes thinner than this part of its clearance",
         "1",
         0.01,
         above=0,
@@ -252,7 +252,7 @@ class ContinueCycles(Table):
         because="below it the journal touches the foil and the film equation no longer describes it",
     )
     amplitude: float = quantity(
-        "size of the first self-excited cycle beside its Hopf point, largest state component (displacement 0 only)",
+        "size of the first self-excited cycle beside its Hopf point (largest state component)",
         "1",
         0.01,
         above=0,

@@ -1,7 +1,7 @@
 """The whole machine of a case in dimensionless form: rotor, two bearings, their active rings (Eq. 16).
 
-``build_machine`` goes from SI tables to flat arrays; ``Machine`` offers the right-hand side, its sparse Jacobian and
-the Jacobian's action on a block of vectors, all on the state s = {p_1 q_1 p_2 q_2 y}.
+``build_machine`` goes from SI tables to flat arrays; ``Machine`` offers the right-hand side, its sparse
+Jacobian and the Jacobian's action on a block of vectors, all on the state s = {p_1 q_1 p_2 q_2 y}.
 """
 
 from __future__ import annotations
@@ -87,19 +87,25 @@ class Machine:
     def film(self, bearing: int, phase: float, state: Array, parameters: Array) -> FilmState:
         """The film of a bearing at a state."""
         return film_state(
-            self.bearings[bearing], state[self.film_unknowns(bearing)], self.journal(state, bearing), phase, parameters
+            self.bearings[bearing],
+            state[self.film_unknowns(bearing)],
+            self.journal(state, bearing),
+            phase,
+            parameters,
         )
 
     def minimum_film(self, phase: float, state: Array, parameters: Array) -> Array:
         """Smallest film thickness of either bearing, in units of its clearance."""
-        return np.array([self.film(b, phase, state, parameters).thickness.min() for b in range(rates.BEARINGS)])
+        return np.array(
+            [self.film(b, phase, state, parameters).thickness.min() for b in range(rates.BEARINGS)]
+        )
 
     def jacobian(self, phase: float, state: Array, parameters: Array) -> sparse.csc_array:
         """Analytic sparse Jacobian ds'/ds, shape (N, N).
 
-            [ A_1   0    B_1 X_1 + D_1 V_1 ]
-            [  0   A_2   B_2 X_2 + D_2 V_2 ]        X_b, V_b pick the journal's displacement and velocity from y,
-            [ E_1 C_1  E_2 C_2   rotor     ]        E_b spreads its force over the rotor's accelerations
+        [ A_1   0    B_1 X_1 + D_1 V_1 ]
+        [  0   A_2   B_2 X_2 + D_2 V_2 ]        X_b, V_b pick the journal's displacement and velocity from y,
+        [ E_1 C_1  E_2 C_2   rotor     ]        E_b spreads its force over the rotor's accelerations
         """
         size, position = self.space.constant.shape[0], self.rotor_freedoms
         rotor = self.space.constant + parameters[film.SPEED] * self.space.per_speed

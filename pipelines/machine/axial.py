@@ -1,7 +1,8 @@
 """Axial operators of the gas film: half a film, symmetric about its middle, ambient at its side.
 
-An operator acts on values at ``count`` stations between the side (excluded, pressure 1) and the middle (included) and
-gives the second derivative and the mean over the film.  Stations are ordered from the side to the middle; z = Z / L_b.
+An operator acts on values at ``count`` stations between the side (excluded, pressure 1) and the middle
+(included) and gives the second derivative and the mean over the film.  Stations are ordered from the side to
+the middle; z = Z / L_b.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class AxialOperator:
-    """d^2 u / dz^2 = ``second_derivative @ u + side * u_side``, mean u = ``weights @ u + side_weight * u_side``."""
+    """d^2 u / dz^2 = ``second_derivative @ u + side * u_side``, mean u = ``weights @ u + side_weight *
+    u_side``.
+    """
 
     stations: Array
     second_derivative: Array
@@ -26,7 +29,9 @@ class AxialOperator:
 
 
 def chebyshev_operator(count: int) -> AxialOperator:
-    """Chebyshev collocation with even polynomials of degree 2 ``count`` on the whole film (spectral accuracy)."""
+    """Chebyshev collocation with even polynomials of degree 2 ``count`` on the whole film (spectral
+    accuracy).
+    """
     degree = 2 * count
     index = np.arange(degree + 1)
     points = np.cos(np.pi * index / degree)  # on [-1, 1], side first
@@ -50,7 +55,7 @@ def chebyshev_operator(count: int) -> AxialOperator:
 def _fold(rows: Array, count: int) -> Array:
     """Rows acting on the whole film, applied to a film that is symmetric about its middle."""
     folded = rows[:, : count + 1].copy()
-    folded[:, :count] += rows[:, : count : -1]
+    folded[:, :count] += rows[:, :count:-1]
     return folded
 
 

@@ -1,15 +1,17 @@
 """The gas film of one bearing on its foil: compiled rates, their derivatives, and the force on the journal.
 
-With P = p^2, convection weight w (1/2 central, 1 backward) and film mobility m = t_0/t_b (1 unless the bearings differ):
+With P = p^2, convection weight w (1/2 central, 1 backward) and film mobility m = t_0/t_b (1 unless the
+bearings differ):
 
-    d(p h)/dtau = 1/2 [ (Phi_{i+1/2} - Phi_{i-1/2}) / dtheta ] + 1/4 m kappa^2 h^3 d^2P/dz^2                    (Eq. 1)
+    d(p h)/dtau = 1/2 [ (Phi_{i+1/2} - Phi_{i-1/2}) / dtheta ] + 1/4 m kappa^2 h^3 d^2P/dz^2           (Eq. 1)
     Phi_{i+1/2} = 1/2 m h_{i+1/2}^3 (P_{i+1} - P_i) / dtheta - Omega (w p_i h_i + (1-w) p_{i+1} h_{i+1})
-    dp/dtau     = (d(p h)/dtau - p dh/dtau) / h                                                               (Eq. 2)
-    h           = 1 - X cos(theta) - Y sin(theta) + q                                                         (Eq. 3)
-    dq/dtau     = dq_r/dtau + a (p_m - 1) - r (q - q_r),   a = 1/c_f,  r = k_f/c_f                            (Eq. 8)
+    dp/dtau     = (d(p h)/dtau - p dh/dtau) / h                                                        (Eq. 2)
+    h           = 1 - X cos(theta) - Y sin(theta) + q                                                  (Eq. 3)
+    dq/dtau     = dq_r/dtau + a (p_m - 1) - r (q - q_r),   a = 1/c_f,  r = k_f/c_f                     (Eq. 8)
 
-Arrays along theta carry one pad on either side, ``nodes + 2`` entries: the foil-edge line (p = 1, the foil unloaded)
-or, for a periodic film, the opposite end.  Pressures of a bearing are stored station by station: ``p[j * nodes + i]``.
+Arrays along theta carry one pad on either side, ``nodes + 2`` entries: the foil-edge line (p = 1, the foil
+unloaded) or, for a periodic film, the opposite end.  Pressures of a bearing are stored station by station:
+``p[j * nodes + i]``.
 """
 
 from __future__ import annotations
@@ -26,22 +28,24 @@ FULL, GUMBEL, SMOOTH = 0, 1, 2
 NODES, STATIONS, PERIODIC, CLIPPING, LOSS_FACTOR_DAMPING, PRESSURE, FOIL = range(7)
 FILM_INTEGERS = 7
 
-# Scalars of a bearing, followed by its arrays: cosine, sine (nodes + 2), second_derivative (stations^2), side, weights.
-(SPACING, MOBILITY, AXIAL_MOBILITY, CONVECTION_WEIGHT, LOSS_FACTOR, TIME_RATIO, STIFFNESS_RATIO, ABSOLUTE, SMOOTHING,
- RING_RADIUS, RING_RATIO, RING_AMPLITUDE, RING_PHASE) = range(13)  # fmt: skip
+# Scalars of a bearing, followed by its arrays: cosine, sine (nodes + 2), second_derivative (stations^2),
+# side, weights.
+(SPACING, MOBILITY, AXIAL_MOBILITY, CONVECTION_WEIGHT, LOSS_FACTOR, TIME_RATIO, STIFFNESS_RATIO, ABSOLUTE,
+ SMOOTHING, RING_RADIUS, RING_RATIO, RING_AMPLITUDE, RING_PHASE) = range(13)  # fmt: skip
 FILM_SCALARS = 13
 
 # The parameter vector of a case (order of pipelines.case.PARAMETERS).
 SPEED, EXCITATION_FREQUENCY, DISPLACEMENT, FOIL_STIFFNESS = range(4)
 
-# Abscissae and weights of Gauss-Legendre quadrature on [0, 1]: resolves the regularised clipping inside a cell.
+# Abscissae and weights of Gauss-Legendre quadrature on [0, 1]: resolves the regularised clipping inside a
+# cell.
 _GAUSS_POINTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
 _GAUSS_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(4)[1]
 
 
 @njit(cache=True)
 def foil_coefficients(parameters, integers, scalars):
-    """Flexibility a = 1/c_f and relaxation rate r = k_f/c_f of the foil (Eq. 8); a = 0 for a rigid bearing."""
+    """Flexibility a = 1/c_f and relaxation rate r = k_f/c_f of the foil (Eq. 8); a = 0 if rigid."""
     if integers[LOSS_FACTOR_DAMPING] == 1:  # c_f = eta k_f / Omega
         relaxation = parameters[SPEED] / scalars[LOSS_FACTOR]
     else:  # c_f = eta k_f, in the bearing's own time unit
@@ -52,8 +56,12 @@ def foil_coefficients(parameters, integers, scalars):
 
 
 @njit(cache=True)
-def film_geometry(phase, state, parameters, integers, scalars, arrays, journal, thickness, thickness_rate, foil_rate):
-    """Fill film thickness h (padded), dh/dtau and dq/dtau (nodes); ``journal`` = X, Y, dX/dtau, dY/dtau (Eq. 3, 8)."""
+def film_geometry(
+    phase, state, parameters, integers, scalars, arrays, journal, thickness, thickness_rate, foil_rate
+):
+    """Fill film thickness h (padded), dh/dtau and dq/dtau (nodes); ``journal`` = X, Y, dX/dtau, dY/dtau (Eq.
+    3, 8).
+    """
     nodes, stations = integers[NODES], integers[STATIONS]
     cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
     weights = arrays[2 * nodes + 4 + stations * stations + stations :]
@@ -106,7 +114,9 @@ def pad_pressure(pressure, integers, padded):
 
 @njit(cache=True)
 def film_rates(padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate):
-    """Fill dp/dtau (Eq. 2) from the padded pressures; marches along theta carrying the flux Phi of the last face."""
+    """Fill dp/dtau (Eq. 2) from the padded pressures; marches along theta carrying the flux Phi of the last
+    face.
+    """
     nodes, stations = integers[NODES], integers[STATIONS]
     second = arrays[2 * nodes + 4 :]
     side = second[stations * stations :]
@@ -126,21 +136,23 @@ def film_rates(padded, parameters, integers, scalars, arrays, thickness, thickne
             last_flux = flux
         for i in range(nodes):
             curvature = side[j]
-            for l in range(stations):
-                p = padded[l * (nodes + 2) + i + 1]
-                curvature += second[j * stations + l] * p * p
+            for other in range(stations):
+                p = padded[other * (nodes + 2) + i + 1]
+                curvature += second[j * stations + other] * p * p
             h = thickness[i + 1]
             storage = pressure_rate[j * nodes + i] + 0.25 * scalars[AXIAL_MOBILITY] * h * h * h * curvature
             pressure_rate[j * nodes + i] = (storage - padded[row + i + 1] * thickness_rate[i]) / h
 
 
-# Derivative of dp/dtau at one node, in this order: dp_{i-1,j}, dp_{i+1,j}, dh_{i-1}, dh_i, dh_{i+1}, d(dh_i/dtau), then
-# dp_{i,l} for every station l.
+# Derivative of dp/dtau at one node, in this order: dp_{i-1,j}, dp_{i+1,j}, dh_{i-1}, dh_i, dh_{i+1},
+# d(dh_i/dtau), then dp_{i,l} for every station l.
 BEFORE, AFTER, THICKNESS_BEFORE, THICKNESS_HERE, THICKNESS_AFTER, THICKNESS_RATE, HERE = range(7)
 
 
 @njit(cache=True)
-def film_derivatives(padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate, terms):
+def film_derivatives(
+    padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate, terms
+):
     """Fill ``terms`` (nodes * stations, 6 + stations): the derivative of ``film_rates`` row by row."""
     nodes, stations = integers[NODES], integers[STATIONS]
     second = arrays[2 * nodes + 4 :]
@@ -167,13 +179,15 @@ def film_derivatives(padded, parameters, integers, scalars, arrays, thickness, t
             terms[row, THICKNESS_AFTER] = scale * (slope_right - speed * (1.0 - w) * p_after)
             terms[row, THICKNESS_RATE] = -p / h
             curvature = side[j]
-            for l in range(stations):
-                p_l = padded[l * (nodes + 2) + i + 1]
-                curvature += second[j * stations + l] * p_l * p_l
-                terms[row, HERE + l] = 2.0 * axial * h * h * second[j * stations + l] * p_l
-            terms[row, HERE + j] -= scale * (
-                2.0 * (conduct_left + conduct_right) * p + speed * (2.0 * w - 1.0) * h
-            ) + thickness_rate[i] / h
+            for other in range(stations):
+                p_other = padded[other * (nodes + 2) + i + 1]
+                weight = second[j * stations + other]
+                curvature += weight * p_other * p_other
+                terms[row, HERE + other] = 2.0 * axial * h * h * weight * p_other
+            terms[row, HERE + j] -= (
+                scale * (2.0 * (conduct_left + conduct_right) * p + speed * (2.0 * w - 1.0) * h)
+                + thickness_rate[i] / h
+            )
             terms[row, THICKNESS_HERE] = (
                 scale * (slope_right - slope_left - speed * (2.0 * w - 1.0) * p)
                 + (3.0 * axial * h * h * curvature - pressure_rate[row]) / h
@@ -197,8 +211,8 @@ def _crossing_moments(positive, negative):
 def positive_part_moments(left, right):
     """Moments of the positive part of a linear function over a unit cell, and their derivatives.
 
-    With u(x) = left (1-x) + right x returns the integrals of u^+ (1-x) and u^+ x, then d/dleft and d/dright of each.
-    They are continuously differentiable unless left = right = 0.
+    With u(x) = left (1-x) + right x returns the integrals of u^+ (1-x) and u^+ x, then d/dleft and d/dright
+    of each. They are continuously differentiable unless left = right = 0.
     """
     if left >= 0.0 and right >= 0.0:
         third, sixth = 1.0 / 3.0, 1.0 / 6.0
@@ -213,12 +227,13 @@ def positive_part_moments(left, right):
 
 @njit(cache=True)
 def edge_moments(near, following):
-    """The moments of the cell between the ambient edge (x = 0) and its first node (x = 1), where u is ``near``.
+    """The moments of the cell between the ambient edge (x = 0) and its first node (x = 1), where u is
+    ``near``.
 
-    There the straight line through u(0) = 0 would change sign everywhere at once, a kink in the force.  The sign is
-    taken from the parabola u = x (a + b x) through the next node too (``following``), whose root moves through the cell:
-    u^+ = (straight line) + (negative part of the parabola).  Returns the moments with 1 - x and x, then the derivative
-    of each with ``near`` and ``following``.
+    There the straight line through u(0) = 0 would change sign everywhere at once, a kink in the force.  The
+    sign is taken from the parabola u = x (a + b x) through the next node too (``following``), whose root
+    moves through the cell: u^+ = (straight line) + (negative part of the parabola).  Returns the moments with
+    1 - x and x, then the derivative of each with ``near`` and ``following``.
     """
     a, b = 0.5 * (4.0 * near - following), 0.5 * (following - 2.0 * near)
     low, high = 0.0, 1.0  # where the parabola is negative
@@ -241,7 +256,9 @@ def edge_moments(near, following):
 
 @njit(cache=True)
 def regularised_moments(left, right, width):
-    """The same moments for the smooth positive part (u + sqrt(u^2 + width^2)) / 2, by Gauss quadrature in the cell."""
+    """The same moments for the smooth positive part (u + sqrt(u^2 + width^2)) / 2, by Gauss quadrature in the
+    cell.
+    """
     first, second, first_left, first_right, second_right = 0.0, 0.0, 0.0, 0.0, 0.0
     for g in range(_GAUSS_POINTS.size):
         x = _GAUSS_POINTS[g]
@@ -259,12 +276,15 @@ def regularised_moments(left, right, width):
 
 @njit(cache=True)
 def regularised_edge_moments(near, following, width):
-    """``edge_moments`` with the negative part of the parabola regularised to (sqrt(u^2 + width^2) - u) / 2."""
+    """``edge_moments`` with the negative part of the parabola smoothed: (sqrt(u^2 + width^2) - u) / 2."""
     edge, node = near / 6.0, near / 3.0
     edge_near, edge_following, node_near, node_following = 1.0 / 6.0, 0.0, 1.0 / 3.0, 0.0
     for g in range(_GAUSS_POINTS.size):
         x = _GAUSS_POINTS[g]
-        by_near, by_following = x * (2.0 - x), 0.5 * x * (x - 1.0)  # the parabola's slopes with its two values
+        by_near, by_following = (
+            x * (2.0 - x),
+            0.5 * x * (x - 1.0),
+        )  # the parabola's slopes with its two values
         u = by_near * near + by_following * following
         root = np.sqrt(u * u + width * width)
         value = 0.5 * _GAUSS_WEIGHTS[g] * (root - u)
@@ -298,13 +318,15 @@ def end_moments(near, following, integers, scalars):
 def film_force(padded, integers, scalars, arrays):
     """Gas force on the journal F = -iint (p-1)^+ (cos, sin) dtheta dz (Eq. 9), clipped below grid level.
 
-    The cell moments are divided by (2 + cos(dtheta)) / 3, which makes the force of an unclipped film the trapezoidal
-    sum: spectrally accurate on a smooth film.
+    The cell moments are divided by (2 + cos(dtheta)) / 3, which makes the force of an unclipped film the
+    trapezoidal sum: spectrally accurate on a smooth film.
     """
     nodes, stations = integers[NODES], integers[STATIONS]
     cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
     weights = arrays[2 * nodes + 4 + stations * stations + stations :]
-    cells = nodes + integers[PERIODIC]  # from node k to k + 1 of a padded row; those beside an edge come after
+    cells = (
+        nodes + integers[PERIODIC]
+    )  # from node k to k + 1 of a padded row; those beside an edge come after
     horizontal, vertical = 0.0, 0.0
     for j in range(stations):
         row = padded[j * (nodes + 2) : (j + 1) * (nodes + 2)]
@@ -320,7 +342,9 @@ def film_force(padded, integers, scalars, arrays):
                 y += left * sine[k] + right * sine[k + 1]
             for edge, near, following in ((0, 1, 2), (nodes + 1, nodes, nodes - 1)):
                 if integers[PERIODIC] == 0:
-                    outer, inner, _, _, _, _ = end_moments(row[near] - 1.0, row[following] - 1.0, integers, scalars)
+                    outer, inner, _, _, _, _ = end_moments(
+                        row[near] - 1.0, row[following] - 1.0, integers, scalars
+                    )
                     x += outer * cosine[edge] + inner * cosine[near]
                     y += outer * sine[edge] + inner * sine[near]
         horizontal += weights[j] * x
@@ -337,12 +361,14 @@ def clipping_normaliser(integers, scalars):
 
 @njit(cache=True)
 def film_force_derivatives(padded, integers, scalars, arrays, gradient):
-    """Fill ``gradient`` (nodes * stations, 2): derivative of the force of ``film_force`` with every pressure."""
+    """Fill ``gradient`` (nodes * stations, 2): derivative of the force with every pressure."""
     nodes, stations = integers[NODES], integers[STATIONS]
     cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
     weights = arrays[2 * nodes + 4 + stations * stations + stations :]
     factor = -scalars[SPACING] * clipping_normaliser(integers, scalars)
-    cells = nodes + integers[PERIODIC]  # from node k to k + 1 of a padded row; those beside an edge come after
+    cells = (
+        nodes + integers[PERIODIC]
+    )  # from node k to k + 1 of a padded row; those beside an edge come after
     gradient[:, :] = 0.0
     for j in range(stations):
         scale = factor * weights[j]

@@ -1,10 +1,10 @@
 """Compiled right-hand side of the rotor on two gas foil bearings, and its derivative (Eq. 16).
 
-State s = {p_1 q_1 p_2 q_2 y}: the film pressures and foil displacements of either bearing, then the displacements and
-velocities of the master nodes, y = {x_1 y_1 ... x_n y_n, velocities}:
+State s = {p_1 q_1 p_2 q_2 y}: the film pressures and foil displacements of either bearing, then the
+displacements and velocities of the master nodes, y = {x_1 y_1 ... x_n y_n, velocities}:
 
     dx/dtau = v
-    dv/dtau = -M^-1 K x - M^-1 (C + Omega G) v + M^-1 F + g                                                (Eq. 12)
+    dv/dtau = -M^-1 K x - M^-1 (C + Omega G) v + M^-1 F + g                                           (Eq. 12)
 
 Journal coordinates of a bearing are in units of its own clearance.
 """
@@ -60,18 +60,18 @@ def bearing_views(bearing, constants, layout):
 
 @njit(cache=True)
 def film_workspace(integers, work):
-    """Thickness (nodes + 2), its rate (nodes) and padded pressures, then the remaining scratch."""
+    """Thickness (nodes + 2), its rate (nodes) and padded pressures."""
     nodes, stations = integers[NODES], integers[STATIONS]
     first, second = nodes + 2, 2 * nodes + 2
     third = second + stations * (nodes + 2)
-    return work[:first], work[first:second], work[second:third], work[third:]
+    return work[:first], work[first:second], work[second:third]
 
 
 @njit(cache=True)
 def bearing_rates(phase, state, parameters, bearing, constants, layout, work, out):
     """Film and foil rates of one bearing into ``out``; returns the force on its journal."""
     integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
-    thickness, thickness_rate, padded, scratch = film_workspace(integers, work)
+    thickness, thickness_rate, padded = film_workspace(integers, work)
     dof, size = layout[ROTOR_STATE] + layout[JOURNAL + bearing], layout[ROTOR_SIZE]
     journal = (state[dof] / clearance, state[dof + 1] / clearance,
                state[dof + size] / clearance, state[dof + size + 1] / clearance)  # fmt: skip
@@ -123,18 +123,27 @@ def machine_rates(phase, state, parameters, constants, layout, work, out):
 @njit(cache=True)
 def linearise_bearing(phase, state, parameters, bearing, constants, layout, work, terms, gradient):
     """Fill the derivatives of a bearing's film (``terms``) and force (``gradient``) at a state."""
-    integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
+    integers, scalars, arrays, _ = bearing_views(bearing, constants, layout)
     rates = work[: state.size]
     bearing_rates(phase, state, parameters, bearing, constants, layout, work[state.size :], rates)
-    thickness, thickness_rate, padded, scratch = film_workspace(integers, work[state.size :])
+    thickness, thickness_rate, padded = film_workspace(integers, work[state.size :])
     film_derivatives(
-        padded, parameters, integers, scalars, arrays, thickness, thickness_rate, rates[integers[PRESSURE] :], terms
+        padded,
+        parameters,
+        integers,
+        scalars,
+        arrays,
+        thickness,
+        thickness_rate,
+        rates[integers[PRESSURE] :],
+        terms,
     )
     film_force_derivatives(padded, integers, scalars, arrays, gradient)
 
 
-# The tangent sweeps a block in chunks of columns, copied line by line into one flat array: a line holds one row of the
-# chunk.  Unsigned offsets and one array to read from let the compiler vectorise the sums over a line.
+# The tangent sweeps a block in chunks of columns, copied line by line into one flat array: a line holds one
+# row of the chunk.  Unsigned offsets and one array to read from let the compiler vectorise the sums over a
+# line.
 
 
 @njit(cache=True)
@@ -159,8 +168,8 @@ def scatter_lines(lines, first, width, row, rows, block):
 def foil_lines(lines, parameters, integers, scalars, arrays, clearance, out):
     """Foil rows of J, and dh and d(dh/dtau) for the film rows.
 
-    Lines of a chunk: the bearing's pressures and foil displacements, the journal's dX, dY and their rates (in the
-    machine's displacement unit), then room for dh (nodes + 2) and d(dh/dtau) (nodes).
+    Lines of a chunk: the bearing's pressures and foil displacements, the journal's dX, dY and their rates (in
+    the machine's displacement unit), then room for dh (nodes + 2) and d(dh/dtau) (nodes).
     """
     nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(COLUMN_CHUNK)
     flexibility, relaxation = foil_coefficients(parameters, integers, scalars)
@@ -197,7 +206,9 @@ def foil_lines(lines, parameters, integers, scalars, arrays, clearance, out):
 
 @njit(cache=True, error_model="numpy")
 def film_lines(lines, terms, integers, out):
-    """Film rows of J from the lines that ``foil_lines`` has completed; ``terms`` as in ``film.film_derivatives``."""
+    """Film rows of J from the lines that ``foil_lines`` has completed; ``terms`` as in
+    ``film.film_derivatives``.
+    """
     nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(COLUMN_CHUNK)
     one, step = UNSIGNED(1), nodes * w
     slope = (stations * nodes + nodes + UNSIGNED(4)) * w
@@ -224,8 +235,8 @@ def film_lines(lines, terms, integers, out):
                     + before * lines[left + c]
                     + after * lines[right + c]
                 )
-            for l in range(stations):
-                factor, source = terms[row, UNSIGNED(HERE) + l], station + l * step
+            for other in range(stations):
+                factor, source = terms[row, UNSIGNED(HERE) + other], station + other * step
                 for c in range(w):
                     out[to + c] += factor * lines[source + c]
 
@@ -279,7 +290,14 @@ def tangent_workspace(nodes, stations, work):
     c = b + (rows + 3 * nodes + 6) * COLUMN_CHUNK
     d = c + (rows + nodes) * COLUMN_CHUNK
     e = d + 2 * COLUMN_CHUNK
-    return work[:a].reshape(rows, HERE + stations), work[a:b].reshape(rows, 2), work[b:c], work[c:d], work[d:e], work[e:]
+    return (
+        work[:a].reshape(rows, HERE + stations),
+        work[a:b].reshape(rows, 2),
+        work[b:c],
+        work[c:d],
+        work[d:e],
+        work[e:],
+    )
 
 
 @njit(TANGENT, cache=True)
@@ -291,7 +309,9 @@ def machine_tangent(phase, state, block, parameters, constants, layout, work, ou
         integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
         unknowns = integers[NODES] * (integers[STATIONS] + 1)
         journal, row = start + layout[JOURNAL + bearing], integers[PRESSURE]
-        terms, gradient, lines, image, force, scratch = tangent_workspace(integers[NODES], integers[STATIONS], work)
+        terms, gradient, lines, image, force, scratch = tangent_workspace(
+            integers[NODES], integers[STATIONS], work
+        )
         linearise_bearing(phase, state, parameters, bearing, constants, layout, scratch, terms, gradient)
         for first in range(0, columns, COLUMN_CHUNK):
             width = min(COLUMN_CHUNK, columns - first)
@@ -306,7 +326,7 @@ def machine_tangent(phase, state, block, parameters, constants, layout, work, ou
 
 
 def workspace_size(state_size: int, nodes: int, stations: int) -> int:
-    """Scratch doubles that ``machine_rates`` and ``machine_tangent`` need for bearings of at most this size."""
+    """Scratch doubles that ``machine_rates`` and ``machine_tangent`` need for such a bearing."""
     film = 2 * nodes + 2 + stations * (nodes + 2)
     rows = nodes * stations
     lines = (2 * rows + 4 * nodes + 8) * COLUMN_CHUNK

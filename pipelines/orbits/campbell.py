@@ -1,7 +1,7 @@
 """Campbell diagram, critical speeds and predicted parametric resonances of the linearised machine.
 
-A mode is an oscillating eigenpair of the full linearisation, film and foil states included, followed in speed by its
-shape.  A critical speed is where a mode whirls synchronously:
+A mode is an oscillating eigenpair of the full linearisation, film and foil states included, followed in speed
+by its shape.  A critical speed is where a mode whirls synchronously:
 
     Im lambda_j(Omega) = Omega        with damping ratio -Re lambda / |lambda| below a bound
 """
@@ -29,7 +29,9 @@ SHIFTS = 4
 
 @dataclass(frozen=True)
 class ModeSet:
-    """Oscillating modes at one speed: eigenvalues (modes,) and their displacements at all shaft nodes (modes, nodes, 2)."""
+    """Oscillating modes at one speed: eigenvalues (modes,) and their displacements at all shaft nodes (modes,
+    nodes, 2).
+    """
 
     eigenvalues: ComplexArray
     shapes: ComplexArray
@@ -74,7 +76,8 @@ class CriticalSpeed:
 class Resonance:
     """An excitation frequency at which Eq. 22 expects a parametric resonance or anti-resonance.
 
-    ``first`` and ``second`` count the critical speeds from 1; ``kind`` is principal (2 Omega_j / n), sum or difference.
+    ``first`` and ``second`` count the critical speeds from 1; ``kind`` is principal (2 Omega_j / n), sum or
+    difference.
     """
 
     frequency: float
@@ -122,7 +125,7 @@ def campbell_diagram(
 def modes_at(machine: Machine, parameters: Array, state: Array, top: float) -> ModeSet:
     """Oscillating modes with a damping ratio below ``LARGEST_DAMPING_RATIO`` and 0 < Im lambda <= ``top``."""
     jacobian = machine.jacobian(MEAN_PHASE, state, at_rest(parameters))
-    shifts = 1j * top * (np.arange(SHIFTS) + 0.5) / SHIFTS
+    shifts = np.array([1j * top * (number + 0.5) / SHIFTS for number in range(SHIFTS)])
     pairs = eigenpairs_near(jacobian, shifts, MODES_PER_SHIFT)
     values = pairs.values
     kept = (values.imag > 1e-6) & (values.imag <= top)
@@ -132,7 +135,9 @@ def modes_at(machine: Machine, parameters: Array, state: Array, top: float) -> M
 
 
 def node_shapes(machine: Machine, vectors: ComplexArray) -> ComplexArray:
-    """Displacements x, y at all shaft nodes (modes, nodes, 2) of eigenvectors (N, modes), the largest component 1."""
+    """Displacements x, y at all shaft nodes (modes, nodes, 2) of eigenvectors (N, modes), the largest
+    component 1.
+    """
     start = machine.rotor_start
     shapes = translations(machine.condensed, vectors[start : start + machine.rotor_freedoms].T)
     flat = shapes.reshape(vectors.shape[1], -1)
@@ -177,7 +182,9 @@ def critical_speeds(
 def _locate_critical(
     machine: Machine, parameters: Array, diagram: CampbellDiagram, index: int, mode: int
 ) -> CriticalSpeed | None:
-    """The crossing of one mode with the synchronous line between two speeds of the diagram; None if it was lost."""
+    """The crossing of one mode with the synchronous line between two speeds of the diagram; None if it was
+    lost.
+    """
     low, high = diagram.speeds[index : index + 2]
     ends = diagram.eigenvalues[index : index + 2, mode]
 

@@ -1,4 +1,6 @@
-"""The machine as a dynamical system, and what a cycle of it looks like to an engineer: orbits, film, response envelope."""
+"""The machine as a dynamical system, and what a cycle of it looks like to an engineer: orbits, film, response
+envelope.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ Array = NDArray[np.float64]
 
 
 def machine_system(machine: Machine, forced: bool = True) -> DynamicalSystem:
-    """The machine for the period map; ``forced=False`` leaves the period unknown (rings at rest, self-excited whirl)."""
+    """The machine for the period map; ``forced=False`` leaves the period unknown (rings at rest, self-excited
+    whirl).
+    """
     return DynamicalSystem(
         size=machine.size,
         rates=machine_rates,
@@ -33,7 +37,9 @@ def machine_system(machine: Machine, forced: bool = True) -> DynamicalSystem:
 
 @dataclass(frozen=True)
 class CycleShape:
-    """A cycle seen from outside; film quantities in units of each bearing's clearance and of the ambient pressure."""
+    """A cycle seen from outside; film quantities in units of each bearing's clearance and of the ambient
+    pressure.
+    """
 
     orbit: Array
     """Displacements of the master nodes, shape (samples, 2 masters)."""
@@ -51,8 +57,12 @@ class CycleShape:
     """Film thickness, same shape."""
 
 
-def cycle_shape(machine: Machine, orbit: Array, parameters: Array, turns: int = 1, snapshots: int = 8) -> CycleShape:
-    """Describe an orbit (samples, N or more) given at equal fractions of the period; ``turns`` forcing periods long."""
+def cycle_shape(
+    machine: Machine, orbit: Array, parameters: Array, turns: int = 1, snapshots: int = 8
+) -> CycleShape:
+    """Describe an orbit (samples, N or more) given at equal fractions of the period; ``turns`` forcing
+    periods long.
+    """
     orbit = np.ascontiguousarray(orbit[:, : machine.size])
     samples = orbit.shape[0]
     phases = 2.0 * np.pi * turns * np.arange(samples) / samples

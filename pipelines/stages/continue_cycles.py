@@ -1,12 +1,12 @@
-"""`agfb continue-cycles`: branches of limit cycles with their Floquet multipliers and bifurcations, point by point."""
+"""`agfb continue-cycles`: branches of limit cycles with their Floquet multipliers and bifurcations, point by
+point.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from pipelines.bifurcations.arclength import (
     BranchPoint,
@@ -25,7 +25,6 @@ from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.orbits.shooting import CycleProblem
-
 from pipelines.stages.cycle_problem import (
     FirstCycle,
     NoStart,
@@ -42,8 +41,12 @@ COMPLETE = frozenset({BranchStop.RANGE, BranchStop.CLOSED, BranchStop.MAXIMUM_PO
 NO_START = "START"
 
 
-def continue_cycles(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill the groups ``cycles/b000``, ... of a case, one branch per direction; resumes behind the last point."""
+def continue_cycles(
+    case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+) -> StageResult:
+    """Fill the groups ``cycles/b000``, ... of a case, one branch per direction; resumes behind the last
+    point.
+    """
     store = open_for_writing(store_path)
     machine = build_machine(case.case)
     problem = cycle_problem(machine, case.case)
@@ -91,7 +94,9 @@ def _follow(
     table = case.case.continue_cycles
 
     def told(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
-        message = f"{table.parameter} {state.parameter:.5g}, largest multiplier {abs(state.multipliers[0]):.4f}"
+        message = (
+            f"{table.parameter} {state.parameter:.5g}, largest multiplier {abs(state.multipliers[0]):.4f}"
+        )
         message += "".join(f", {event.kind.name.lower().replace('_', ' ')}" for event in events)
         report(Progress("continue-cycles", case.case_id, state.index + 1, table.max_points, message))
 
@@ -129,7 +134,8 @@ def _end(branch: BranchWriter, result: BranchResult) -> None:
 
 def _result(case: NamedCase, store: Store, groups: list[str]) -> StageResult:
     """How the branches of a case ended: the case is well when all of them are."""
-    points, reasons, advice, summary = 0, [], [], {}
+    points, reasons, advice = 0, [], []
+    summary: dict[str, str] = {}
     complete = {stop.name.lower() for stop in COMPLETE}
     ok = True
     for group in groups:
@@ -140,8 +146,8 @@ def _result(case: NamedCase, store: Store, groups: list[str]) -> StageResult:
         advice.append(attributes["stop_advice"])
         ok = ok and (attributes["status"] != ENDED or attributes["stop_reason"] in complete)
         summary |= _events_summary(content.arrays, case.case.continue_cycles.parameter, summary)
-    summary = {"points": points} | summary
-    return StageResult(case.case_id, ok, ", ".join(reasons), " ".join(filter(None, advice)), summary)
+    told = {"points": points} | summary
+    return StageResult(case.case_id, ok, ", ".join(reasons), " ".join(filter(None, advice)), told)
 
 
 def _events_summary(arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any]) -> dict[str, str]:

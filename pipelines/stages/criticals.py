@@ -1,4 +1,6 @@
-"""`agfb criticals`: Campbell diagram, critical speeds, predicted parametric resonances, full against condensed rotor."""
+"""`agfb criticals`: Campbell diagram, critical speeds, predicted parametric resonances, full against
+condensed rotor.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,6 @@ from pipelines.orbits.campbell import (
 )
 from pipelines.orbits.equilibrium import machine_equilibrium
 from pipelines.orbits.linear import at_speed, dynamic_stiffness
-
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ FINISHED = "all speeds are computed"
 NO_CRITICAL = "no critical speed lies inside the range"
 
 
-class _Stopped(Exception):
+class _StopRequested(Exception):  # noqa: N818
     """The user asked to stop."""
 
 
@@ -56,21 +57,23 @@ def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
 
     def visit(done: int) -> None:
         if should_stop():
-            raise _Stopped
+            raise _StopRequested
         report(Progress("criticals", case.case_id, done, total))
 
     try:
         diagram = _diagram(machine, parameters, case.case, visit)
         critical = critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
         comparison = _comparison(machine, parameters, case.case, visit)
-    except _Stopped:
+    except _StopRequested:
         return StageResult(case.case_id, True, "stopped on request")
     resonances = parametric_resonances([one.speed for one in critical], table.orders)
     arrays = _campbell_arrays(diagram) | _critical_arrays(machine, critical) | _resonance_arrays(resonances)
     if comparison is not None:
         arrays |= _comparison_arrays(machine, comparison)
     missing = [f"speed {diagram.speeds[index]:.4g}: {reason}" for index, reason in diagram.missing.items()]
-    write_group(store, group, "criticals", arrays, {"request": request, "speeds_without_equilibrium": missing})
+    write_group(
+        store, group, "criticals", arrays, {"request": request, "speeds_without_equilibrium": missing}
+    )
     report(Progress("criticals", case.case_id, total, total))
     return _result(case.case_id, store, group)
 
@@ -130,7 +133,9 @@ def _synchronous_coefficients(
 
 
 def _unbalance(machine: Machine, case: Case) -> dict[int, complex]:
-    """Unbalance [kg m] of ``UNBALANCE_ECCENTRICITY``, shared in phase by the discs or, without any, the bearings."""
+    """Unbalance [kg m] of ``UNBALANCE_ECCENTRICITY``, shared in phase by the discs or, without any, the
+    bearings.
+    """
     nodes = [disc.node for disc in case.rotor.discs] or [bearing.node for bearing in case.bearings]
     mass = float(machine.rotor.mass[0::4, 0::4].sum())
     share = mass * UNBALANCE_ECCENTRICITY * machine.scales.displacement / len(nodes)
@@ -145,7 +150,9 @@ def _campbell_arrays(diagram: CampbellDiagram) -> dict[str, Any]:
         "speed": diagram.speeds,
         "frequency": diagram.eigenvalues.imag,
         "damping_ratio": diagram.damping_ratios,
-        "direction": np.where(np.isfinite(diagram.eigenvalues), _direction_flags(diagram.directions), -1).astype(np.int8),
+        "direction": np.where(
+            np.isfinite(diagram.eigenvalues), _direction_flags(diagram.directions), -1
+        ).astype(np.int8),
     }
 
 

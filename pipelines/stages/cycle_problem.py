@@ -27,7 +27,6 @@ from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import steppers
-
 from pipelines.stages.linearize import hopf_between, leading_growth
 
 Array = NDArray[np.float64]
@@ -80,7 +79,11 @@ def cycle_problem(machine: Machine, case: Case) -> CycleProblem:
 def is_self_excited(case: Case) -> bool:
     """Whether the cycles are those of the passive machine, whose period is its own."""
     table = case.continue_cycles
-    return table.formulation == "autonomous" and case.excitation.displacement == 0.0 and table.parameter != "displacement"
+    return (
+        table.formulation == "autonomous"
+        and case.excitation.displacement == 0.0
+        and table.parameter != "displacement"
+    )
 
 
 def continuation_options(case: Case, direction: int) -> ContinuationOptions:
@@ -100,7 +103,9 @@ def continuation_options(case: Case, direction: int) -> ContinuationOptions:
 
 
 def first_cycle(machine: Machine, case: Case, problem: CycleProblem) -> FirstCycle | NoStart:
-    """The equilibrium in the mean ring for forced cycles, a small cycle beside the Hopf point for self-excited ones."""
+    """The equilibrium in the mean ring for forced cycles, a small cycle beside the Hopf point for self-
+    excited ones.
+    """
     if is_self_excited(case):
         return _self_excited_start(machine, case, problem)
     equilibrium = machine_equilibrium(machine, problem.parameters)
@@ -116,7 +121,9 @@ def _forced_start(problem: CycleProblem, state: Array) -> BranchStart:
 
 
 def ramped_cycle(machine: Machine, case: Case, problem: CycleProblem) -> FirstCycle | NoStart:
-    """The forced cycle reached by raising the ring's displacement from zero, for starts too far from the equilibrium."""
+    """The forced cycle reached by raising the ring's displacement from zero, for starts too far from the
+    equilibrium.
+    """
     wanted = float(problem.parameters[film.DISPLACEMENT])
     at_rest = problem.parameters.copy()
     at_rest[film.DISPLACEMENT] = 0.0
@@ -150,13 +157,15 @@ def _self_excited_start(machine: Machine, case: Case, problem: CycleProblem) -> 
     hopf = first_hopf(machine, problem.parameters, low, high)
     if hopf is None:
         return NoStart(
-            f"the equilibrium does not lose stability between speeds {low:g} and {high:g}: no self-excited whirl",
+            f"the equilibrium is stable between the speeds {low:g} and {high:g}: no self-excited whirl",
             "widen the range of speeds; agfb linearize shows the growth rates",
         )
     state, amplitude = hopf.equilibrium.state, case.continue_cycles.amplitude
     correction = start_at_hopf(along_speed, state, hopf.eigenvector, hopf.frequency, hopf.speed, amplitude)
     if correction.cycle is None:
-        return NoStart(f"the whirl beside the Hopf point was not found: {correction.stop.advice}", "lower amplitude")
+        return NoStart(
+            f"the whirl beside the Hopf point was not found: {correction.stop.advice}", "lower amplitude"
+        )
     found = correction.cycle.unknowns
     direction = 1 if found.parameter > hopf.speed else -1
     start = BranchStart(found.state, found.parameter, found.period)
@@ -173,13 +182,15 @@ def _carried_to_speed(
     interval = (start.parameter, speed) if direction > 0 else (speed, start.parameter)
     if interval[0] >= interval[1]:
         return NoStart(
-            f"self-excited whirl exists {side} speed {start.parameter:.6g} near its Hopf point, not at {speed:.6g}",
+            f"near its Hopf point the whirl exists {side} speed {start.parameter:.6g}, not at {speed:.6g}",
             "set operation.speed there",
         )
     options = ContinuationOptions(range=interval, direction=direction, detection=DetectionOptions(kinds=()))
     result = continue_branch(along_speed, start, options, _forget)
     if result.stop is not BranchStop.RANGE or result.state is None:
-        return NoStart(f"the whirl was lost on the way to speed {speed:.6g}: {result.stop.advice}", result.message)
+        return NoStart(
+            f"the whirl was lost on the way to speed {speed:.6g}: {result.stop.advice}", result.message
+        )
     value = float(problem.parameters[problem.index])
     return FirstCycle(BranchStart(result.state.state, value, result.state.period))
 

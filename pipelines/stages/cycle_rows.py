@@ -17,7 +17,6 @@ from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape
 from pipelines.orbits.shooting import CycleProblem
-
 from pipelines.stages.cycle_problem import ORBIT_SAMPLES
 
 Array = NDArray[np.float64]
@@ -75,14 +74,16 @@ class BranchRecorder:
 
     def limit(self, point: BranchPoint) -> str | None:
         """A sentence if the journal touches the foil somewhere on the orbit, else None."""
-        self._shape = cycle_shape(self._machine, point.cycle.image.orbit, point.cycle.parameters, snapshots=SNAPSHOTS)
+        self._shape = cycle_shape(
+            self._machine, point.cycle.image.orbit, point.cycle.parameters, snapshots=SNAPSHOTS
+        )
         film = self._shape.film_trace.min(axis=0)
         bearing = int(np.argmin(film))
         if film[bearing] >= self._thinnest:
             return None
         return (
-            f"the journal touches the foil of bearing {bearing}: its film shrinks to {film[bearing]:.3g} of the "
-            f"clearance (limit {self._thinnest:g})"
+            f"the journal touches the foil of bearing {bearing}: its film shrinks to {film[bearing]:.3g} "
+            f"of the clearance (limit {self._thinnest:g})"
         )
 
     def record(self, point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:

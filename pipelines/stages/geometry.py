@@ -19,14 +19,19 @@ def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
         "element_length": np.array([element.length for element in elements]),
         "element_outer": np.array([element.outer_diameter for element in elements]),
         "element_inner": np.array([element.inner_diameter for element in elements]),
-        "element_material": np.array([materials.index(element.material) for element in elements], dtype=np.int32),
+        "element_material": np.array(
+            [materials.index(element.material) for element in elements], dtype=np.int32
+        ),
         "disc_node": np.array([disc.node for disc in rotor.discs], dtype=np.int32),
         "disc_mass": np.array([disc.mass for disc in rotor.discs], dtype=float),
         "disc_diametral_inertia": np.array([disc.diametral_inertia for disc in rotor.discs], dtype=float),
         "disc_polar_inertia": np.array([disc.polar_inertia for disc in rotor.discs], dtype=float),
         # I_p = m d^2 / 8 of a thin disc
         "disc_diameter_equivalent": np.array(
-            [np.sqrt(8.0 * disc.polar_inertia / disc.mass) if disc.mass > 0.0 else 0.0 for disc in rotor.discs]
+            [
+                np.sqrt(8.0 * disc.polar_inertia / disc.mass) if disc.mass > 0.0 else 0.0
+                for disc in rotor.discs
+            ]
         ),
         "support_node": np.array([support.node for support in rotor.supports], dtype=np.int32),
         "bearing_node": np.array([bearing.node for bearing in bearings], dtype=np.int32),

@@ -1,4 +1,6 @@
-"""`agfb linearize`: equilibria along the speed, bearing coefficients, leading eigenvalues, the instability speed."""
+"""`agfb linearize`: equilibria along the speed, bearing coefficients, leading eigenvalues, the instability
+speed.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,6 @@ from pipelines.orbits.linear import (
     linear_point,
     locate_instability,
 )
-
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
 Array = NDArray[np.float64]
@@ -57,7 +58,9 @@ def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
             if not np.any(np.isfinite(rows["state"])):
                 failed = linear_point(machine, at_speed(parameters, float(speeds[-1])), table.eigenvalues)
                 assert isinstance(failed, Equilibrium)
-                branch.finish(NO_EQUILIBRIUM, f"at the highest speed: {failed.reason}", instability_speed=None)
+                branch.finish(
+                    NO_EQUILIBRIUM, f"at the highest speed: {failed.reason}", instability_speed=None
+                )
             else:
                 branch.finish(FINISHED, "", **_instability(machine, parameters, rows))
     attributes = read_group(store, group, ()).attributes
@@ -65,7 +68,9 @@ def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
 
 
 def reference_parameters(case: Case) -> Array:
-    """The case's parameters, with the ring undeformed if the linearisation is to be that of the passive machine."""
+    """The case's parameters, with the ring undeformed if the linearisation is to be that of the passive
+    machine.
+    """
     parameters = parameter_vector(case)
     if case.linearize.ring == "undeformed":
         parameters[film.DISPLACEMENT] = 0.0
@@ -125,14 +130,18 @@ def _row(machine: Machine, parameters: Array, case: Case, guess: Array | None) -
             own = state[machine.film_unknowns(index)]
             # Z(i omega) = K + i omega C
             complex_stiffness = dynamic_stiffness(bearing, own, journals[index], parameters, 1j * frequencies)
-            coefficients[:, index] = complex_stiffness.real + 1j * complex_stiffness.imag / frequencies[:, None, None]
+            coefficients[:, index] = (
+                complex_stiffness.real + 1j * complex_stiffness.imag / frequencies[:, None, None]
+            )
     return row | {"bearing_stiffness": coefficients.real, "bearing_damping": coefficients.imag}
 
 
-def _instability(machine: Machine, parameters: Array, rows: Mapping[str, Array]) -> dict[str, Any]:
+def _instability(machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     """Attributes of the lowest Hopf point between two neighbouring speeds; None where the range has none."""
     growth = leading_growth(rows["eigenvalues"])
-    for index in np.flatnonzero(np.isfinite(growth[:-1] * growth[1:]) & (growth[:-1] < 0.0) & (growth[1:] >= 0.0)):
+    for index in np.flatnonzero(
+        np.isfinite(growth[:-1] * growth[1:]) & (growth[:-1] < 0.0) & (growth[1:] >= 0.0)
+    ):
         low, high = float(rows["speed"][index]), float(rows["speed"][index + 1])
         hopf = hopf_between(machine, parameters, low, high, rows["state"][index])
         if hopf is not None:
