@@ -113,7 +113,7 @@ def _arnoldi(jacobian: sparse.csc_array, shift: complex, count: int) -> tuple[Co
 
 
 def whirl_shifts(machine: Machine, speed: float) -> ComplexArray:
-    """Shifts on the imaginary axis: from the low whirl modes to beyond the rotating speed, then at higher modes.
+    """Shifts on the imaginary axis: from the low whirl modes to beyond the rotating speed, then higher modes.
 
     Modes of the free rotor above that range are taken up if they decay slowly enough to lead film and foil.
     """

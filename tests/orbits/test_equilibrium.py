@@ -1,0 +1,140 @@
+"""Equilibria: forces balance, the ring's mean deformation shifts them, and a failure says why."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipelines.machine.assembly import Machine, build_machine, parameter_vector
+from pipelines.orbits.equilibrium import MEAN_PHASE, Equilibrium, at_rest, machine_equilibrium
+from tests.machines import BEARING, OTHER_BEARING, case, symmetric_rotor
+
+Solved = tuple[Machine, NDArray[np.float64], Equilibrium]
+
+
+def solved(**changes: object) -> Solved:
+    description = case((24, 2), **changes)  # type: ignore[arg-type]
+    machine, parameters = build_machine(description), parameter_vector(description)
+    return machine, parameters, machine_equilibrium(machine, parameters)
+
+
+def newtons(
+    machine: Machine, parameters: NDArray[np.float64], state: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Film forces on the two journals, shape (2, 2) [N]."""
+    return np.array(
+        [
+            machine.film(index, MEAN_PHASE, state, at_rest(parameters)).force * own.force
+            for index, own in enumerate(machine.scales.bearings)
+        ]
+    )
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"displacement": 0.0},
+        {"bearings": (BEARING, OTHER_BEARING)},
+        {"bearings": (OTHER_BEARING, {**BEARING, "film": "periodic", "clipping": "full"})},
+        {"speed": 0.2},
+        {"speed": 3.0},
+    ],
+    ids=["active", "passive", "unequal", "unequal films", "slow", "fast"],
+)
+def test_films_carry_the_rotor(changes: dict[str, object]) -> None:
+    """The residual vanishes; vertical forces add up to the weight, horizontal ones to nothing."""
+    machine, parameters, equilibrium = solved(**changes)
+    assert equilibrium.converged, equilibrium.reason
+    residual = machine.rates(MEAN_PHASE, equilibrium.state, at_rest(parameters))
+    assert np.abs(residual).max() <= 1e-11
+    assert equilibrium.residual == np.abs(residual).max()
+    # 360 mm of 17.6 mm shaft of 7850 kg/m3 and two discs of 79 g; what hangs on the masters is all of it.
+    weight = 9.81 * (7850.0 * np.pi * 0.0176**2 / 4.0 * 0.360 + 2 * 0.079)
+    total = newtons(machine, parameters, equilibrium.state).sum(axis=0)
+    np.testing.assert_allclose(total, [0.0, weight], rtol=0.0, atol=1e-8 * weight)
+    assert machine.minimum_film(MEAN_PHASE, equilibrium.state, at_rest(parameters)).min() > 0.0
+
+
+def test_symmetric_machine_shares_the_load() -> None:
+    machine, parameters, equilibrium = solved()
+    forces = newtons(machine, parameters, equilibrium.state)
+    np.testing.assert_allclose(forces[0], forces[1], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        machine.journal(equilibrium.state, 0), machine.journal(equilibrium.state, 1), atol=1e-10
+    )
+
+
+def test_journal_moves_along_the_load_as_speed_falls() -> None:
+    """Slower films are weaker: the journal sinks, and the film at its thinnest gets thinner."""
+    heights, films = [], []
+    for speed in (0.2, 0.5, 1.0, 2.0):
+        machine, parameters, equilibrium = solved(speed=speed, displacement=0.0)
+        heights.append(machine.journal(equilibrium.state, 0)[1])
+        films.append(machine.minimum_film(MEAN_PHASE, equilibrium.state, parameters)[0])
+    assert (np.diff(heights) > 0.0).all()
+    assert (np.diff(films) > 0.0).all()
+
+
+def test_mean_deformation_of_the_ring_lifts_the_journal() -> None:
+    """In its mean position the ring is delta/2 flatter: the lower half of the foil stands about that higher."""
+    machine, _, passive = solved(displacement=0.0)
+    _, parameters, active = solved(displacement=0.2)
+    shift = machine.journal(active.state, 0)[1] - machine.journal(passive.state, 0)[1]
+    assert 0.5 * 0.1 < shift < 1.5 * 0.1
+    # It is the ring at rest: the excitation frequency has no part in it.
+    parameters[1] = 2.3
+    again = machine_equilibrium(machine, parameters)
+    np.testing.assert_allclose(again.state, active.state, rtol=0.0, atol=1e-9)
+
+
+def test_a_guess_saves_iterations_and_changes_nothing() -> None:
+    machine, parameters, equilibrium = solved()
+    near = parameters.copy()
+    near[0] *= 1.01
+    followed = machine_equilibrium(machine, near, equilibrium.state)
+    scratch = machine_equilibrium(machine, near)
+    assert followed.iterations < scratch.iterations
+    np.testing.assert_allclose(followed.state, scratch.state, rtol=0.0, atol=1e-9)
+
+
+def test_bad_guess_is_no_obstacle() -> None:
+    machine, parameters, equilibrium = solved()
+    closed = equilibrium.state.copy()
+    closed[machine.rotor_start : machine.rotor_start + machine.rotor_freedoms] = 7.0
+    result = machine_equilibrium(machine, parameters, closed)
+    assert result.converged
+    np.testing.assert_allclose(result.state, equilibrium.state, rtol=0.0, atol=1e-9)
+
+
+SENTENCE = (
+    r"the films carry only (\d+\.\d) % of the rotor's weight at this speed \(.+\); "
+    r"raise the speed, the bearing area or the viscosity, or lighten the rotor"
+)
+
+
+def test_rotor_too_heavy_to_float() -> None:
+    """No exception but the share that the films carry, and it is the same load for every weight."""
+    loads = []
+    for gravity in (60.0, 150.0, 900.0):
+        _, _, result = solved(speed=0.05, displacement=0.0, rotor=symmetric_rotor(gravity=gravity))
+        assert not result.converged
+        found = re.fullmatch(SENTENCE, result.reason)
+        assert found is not None, result.reason
+        assert found[0].count("(converged)") == 0
+        loads.append(float(found[1]) / 100.0 * gravity)
+    # The ramp stops within 1/1000 of the weight, and the share is rounded to as much.
+    np.testing.assert_allclose(loads, loads[0], rtol=0.0, atol=2.5e-3 * 900.0)
+    assert loads[0] > 9.81
+
+
+def test_capacity_is_what_the_rotor_can_weigh() -> None:
+    """A rotor somewhat lighter than the reported capacity floats, one somewhat heavier does not."""
+    _, _, result = solved(speed=0.05, displacement=0.0, rotor=symmetric_rotor(gravity=60.0))
+    capacity = 60.0 * float(re.match(SENTENCE, result.reason)[1]) / 100.0  # type: ignore[index]
+    for factor, floats in ((0.97, True), (1.05, False)):
+        _, _, other = solved(speed=0.05, displacement=0.0, rotor=symmetric_rotor(gravity=factor * capacity))
+        assert other.converged is floats
