@@ -80,7 +80,7 @@ def test_journal_moves_along_the_load_as_speed_falls() -> None:
 
 
 def test_mean_deformation_of_the_ring_lifts_the_journal() -> None:
-    """In its mean position the ring is delta/2 flatter: the lower half of the foil stands about that higher."""
+    """In its mean position the ring is delta/2 flatter: the lower half of the foil rises by about that."""
     machine, _, passive = solved(displacement=0.0)
     _, parameters, active = solved(displacement=0.2)
     shift = machine.journal(active.state, 0)[1] - machine.journal(passive.state, 0)[1]

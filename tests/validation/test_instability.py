@@ -1,0 +1,69 @@
+"""The speed of instability of the reconstructed machine converges with the grid.
+
+Measured, k_f = 10, foil edge at theta = 0, Gümbel clipping:
+
+    24 x 2   40 x 3   64 x 3   96 x 4   160 x 5  | backward, uniform: 40 x 5   80 x 10
+    1.0848   1.0807   1.0808   1.0809   1.0812   |                    1.1254   1.0986
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipelines.machine.assembly import build_machine, parameter_vector
+from pipelines.orbits.linear import LinearPoint, at_speed, linear_point, locate_instability
+from tests.machines import BEARING, case
+
+# Extrapolated from grids up to 240 x 4, of this clipping and of one that leaves the edge cells alone.
+GUMBEL_LIMIT = 1.0815
+GUMBEL_LIMIT_UNCERTAINTY = 2e-4
+
+
+def instability_speed(
+    grid: tuple[int, int],
+    bracket: tuple[float, float] = (1.0, 1.15),
+    clipping: str = "gumbel",
+    film: str = "edge",
+    **numerics: str,
+) -> float:
+    bearing = {**BEARING, "clipping": clipping, "film": film}
+    description = case(grid, bearings=(bearing, bearing), displacement=0.0, numerics=numerics)
+    machine, parameters = build_machine(description), parameter_vector(description)
+    points: list[LinearPoint] = []
+    for speed in bracket:
+        guess = points[-1].equilibrium.state if points else None
+        point = linear_point(machine, at_speed(parameters, speed), 6, guess)
+        assert isinstance(point, LinearPoint)
+        points.append(point)
+    return locate_instability(machine, parameters, *points).speed
+
+
+@pytest.mark.parametrize(
+    ("clipping", "film", "bracket"),
+    [
+        ("full", "edge", (0.78, 0.84)),
+        ("full", "periodic", (0.62, 0.67)),
+        ("gumbel", "periodic", (1.07, 1.12)),
+    ],
+)
+def test_second_order(clipping: str, film: str, bracket: tuple[float, float]) -> None:
+    """The whole chain, from the film to the located speed: halving the spacing quarters the change."""
+    speeds = [instability_speed((count, 4), bracket, clipping, film) for count in (36, 72, 144)]
+    order = np.log2(abs((speeds[1] - speeds[0]) / (speeds[2] - speeds[1])))
+    assert order == pytest.approx(2.0, abs=0.3)
+
+
+def test_instability_of_clipped_films_with_an_edge() -> None:
+    """Each refinement comes closer to the limit; from the default grid on within 0.1 %."""
+    errors = [abs(instability_speed(grid) - GUMBEL_LIMIT) for grid in ((24, 2), (40, 3), (96, 4), (160, 5))]
+    assert (np.diff(errors) < 0.0).all()
+    assert errors[1] <= 1e-3 * GUMBEL_LIMIT
+    assert errors[-1] <= 5e-4 * GUMBEL_LIMIT + GUMBEL_LIMIT_UNCERTAINTY
+
+
+def test_backward_scheme_overestimates_stability() -> None:
+    """The paper's scheme on 80 x 10 is more than ten times as far off as the default on 40 x 3."""
+    backward = instability_speed((80, 10), (1.0, 1.15), scheme="backward", axial_scheme="uniform")
+    default = instability_speed((40, 3))
+    assert backward - GUMBEL_LIMIT > 10.0 * (abs(default - GUMBEL_LIMIT) + GUMBEL_LIMIT_UNCERTAINTY)
