@@ -40,7 +40,7 @@ def test_coefficients_are_of_second_order_in_theta() -> None:
 
 
 def test_three_stations_stagnate_where_the_film_is_steepest() -> None:
-    """Damping at Lambda = 5, eps = 0.6, rigid: the 4th and 5th station each divide the axial error by three."""
+    """Damping at Lambda = 5, eps = 0.6, rigid: stations 4 and 5 each cut the axial error to a third."""
     row = next(
         r for r in COEFFICIENTS if (r["Lambda"], r["kf_bar"], r["X(=eps,Y=0)"]) == ("5.0", "inf", "0.6")
     )
