@@ -1,0 +1,47 @@
+"""``python -m tests.benchmarks [--quick] [-o PATH] [NAME...]``: measure, print the table, write JSON."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from tests.benchmarks.cycles import full_monodromy, growth, tangent_batch
+from tests.benchmarks.instability import backward_error
+from tests.benchmarks.measuring import Measurement, markdown_table, write_json
+from tests.benchmarks.settings import FULL, QUICK, Settings
+
+ENTRIES: dict[str, Callable[[Settings], list[Measurement]]] = {
+    "tangent_batch_ratio": tangent_batch,
+    "full_monodromy_ratio": full_monodromy,
+    "backward_error_ratio": backward_error,
+    "growth_exponent": growth,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the named entries, or all; the table goes to stdout, progress to stderr."""
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(ENTRIES)}; default: all")
+    parser.add_argument("--quick", action="store_true", help="small grids: shows that it works, not how fast")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("build/bench.json"), help="JSON file to write"
+    )
+    options = parser.parse_args(arguments)
+    if unknown := set(options.names) - ENTRIES.keys():
+        parser.error(f"unknown {', '.join(sorted(unknown))}; known are {', '.join(ENTRIES)}")
+    found: list[Measurement] = []
+    for name in options.names or ENTRIES:
+        start = time.monotonic()
+        sys.stderr.write(f"{name} ... ")
+        sys.stderr.flush()
+        found += ENTRIES[name](QUICK if options.quick else FULL)
+        sys.stderr.write(f"{time.monotonic() - start:.0f} s\n")
+    sys.stdout.write(markdown_table(found))
+    write_json(options.output, found)
+
+
+if __name__ == "__main__":
+    main()
