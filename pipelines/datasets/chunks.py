@@ -24,14 +24,10 @@ _BLOSC_HEADER = struct.Struct(
 def open_array(store: Store, group: str, array: ArrayLayout) -> zarr.Array[Any]:
     """The Zarr array. Call it for arrays whose metadata were checked."""
     mode = "r" if store.read_only else "r+"
-    # chunks of fill values are written too, so that a missing file always means a lost one
-    return zarr.open_array(
-        store.files,
-        path=f"{group}/{array.spec.name}",
-        mode=mode,
-        zarr_format=3,
-        config={"write_empty_chunks": True},
-    )
+    opened = zarr.open_array(store.files, path=f"{group}/{array.spec.name}", mode=mode, zarr_format=3)
+    # chunks of fill values are written too, so that a missing file always means a lost one (open_array itself
+    # ignores a configuration for an array that exists)
+    return opened.with_config({"write_empty_chunks": True})
 
 
 def read_array(

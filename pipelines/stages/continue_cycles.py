@@ -128,8 +128,9 @@ def _follow(
 def _end(branch: BranchWriter, result: BranchResult) -> None:
     """Store why the branch ended; an interrupted one stays open."""
     if result.stop is not BranchStop.INTERRUPTED:
-        advice = result.stop.advice if not result.message else f"{result.message}; {result.stop.advice}"
-        branch.finish(result.stop.name.lower(), advice)
+        # the limit is this stage's own, and its message says all
+        parts = [result.message, "" if result.stop is BranchStop.LIMIT else result.stop.advice]
+        branch.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))
 
 
 def _result(case: NamedCase, store: Store, groups: list[str]) -> StageResult:
@@ -144,10 +145,14 @@ def _result(case: NamedCase, store: Store, groups: list[str]) -> StageResult:
         points += attributes["n_points"]
         reasons.append(attributes["stop_reason"] or "stopped on request")
         advice.append(attributes["stop_advice"])
-        ok = ok and (attributes["status"] != ENDED or attributes["stop_reason"] in complete)
+        ended = attributes["status"] == ENDED
+        # a branch without a single point is a failure, whatever ended it
+        ok = ok and (not ended or (attributes["stop_reason"] in complete and attributes["n_points"] > 0))
         summary |= _events_summary(content.arrays, case.case.continue_cycles.parameter, summary)
     told = {"points": points} | summary
-    return StageResult(case.case_id, ok, ", ".join(reasons), " ".join(filter(None, advice)), told)
+    # two branches that end alike say so once
+    sentences = "; ".join(dict.fromkeys(filter(None, advice)))
+    return StageResult(case.case_id, ok, ", ".join(reasons), sentences, told)
 
 
 def _events_summary(arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any]) -> dict[str, str]:

@@ -83,7 +83,8 @@ class BranchRecorder:
             return None
         return (
             f"the journal touches the foil of bearing {bearing}: its film shrinks to {film[bearing]:.3g} "
-            f"of the clearance (limit {self._thinnest:g})"
+            f"of the clearance (limit {self._thinnest:g}); "
+            "lower the excitation or the load, or the limit continue_cycles.minimum_film"
         )
 
     def record(self, point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:

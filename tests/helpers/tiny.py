@@ -1,0 +1,60 @@
+"""The smoke configuration on the smallest grid: a point costs a fraction of a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pipelines.case.reading import NamedCase, read_cases
+from pipelines.stages.preparation import prepare_store
+from pipelines.stages.results import Progress, StageResult
+from pipelines.stages.scheduling import stage_function
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIG = ROOT / "configs" / "smoke.toml"
+PASSIVE = ROOT / "configs" / "passive.toml"
+TINY = (
+    "numerics.circumferential=12",
+    "numerics.axial=1",
+    "numerics.max_columns=24",
+    "linearize.points=7",
+    "linearize.speed_range=[0.7, 1.3]",
+    "linearize.eigenvalues=6",
+    "criticals.speed_range=[0.3, 1.0]",
+    "criticals.points=8",
+    "criticals.unbalance_points=5",
+    "continue_cycles.start=1.14",
+    "continue_cycles.range=[1.05, 1.2]",
+    "continue_cycles.step=0.02",
+    "continue_cycles.maximum_step=0.02",
+)
+
+
+def tiny_case(*overrides: str, config: Path = CONFIG) -> NamedCase:
+    """The one case of a configuration with the tiny settings and further overrides."""
+    (named,) = read_cases(config.read_text(), config.name, (*TINY, *overrides))
+    return named
+
+
+class Watched:
+    """Runs a stage on a case into a store, made if it is not there, and remembers what it told.
+
+    ``stop_after``: ask it to stop once it has told of so many finished units.
+    """
+
+    def __init__(self, stage: str, case: NamedCase, store: Path, stop_after: int | None = None) -> None:
+        self.told: list[Progress] = []
+        self._stop_after = stop_after
+        prepare_store(store, [case], ["agfb", "test"])
+        self.result: StageResult = stage_function(stage)(case, store, self.told.append, self._should_stop)
+
+    @property
+    def finished(self) -> int:
+        """Units told as finished."""
+        return sum(progress.done > 0 for progress in self.told)
+
+    def _should_stop(self) -> bool:
+        return self._stop_after is not None and self.finished >= self._stop_after
+
+
+Run = Callable[..., Watched]

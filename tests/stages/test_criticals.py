@@ -1,0 +1,113 @@
+"""`criticals` into a store: crossings with the synchronous line, predicted resonances, resume, failure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.records import Group
+from pipelines.datasets.schema import KINDS
+from pipelines.datasets.store import open_for_reading
+from pipelines.machine.assembly import build_machine, parameter_vector
+from pipelines.orbits.equilibrium import at_rest, machine_equilibrium
+from pipelines.orbits.linear import at_speed
+from tests.helpers.tiny import Watched, tiny_case
+from tests.helpers.trees import compare_trees
+
+
+def group(path: Path) -> Group:
+    return read_group(open_for_reading(path), "cases/smoke/criticals")
+
+
+def test_at_a_critical_speed_a_mode_whirls_synchronously(tmp_path: Path) -> None:
+    case = tiny_case()
+    result = Watched("criticals", case, tmp_path / "a.zarr").result
+    assert result.ok
+    arrays, machine = group(tmp_path / "a.zarr").arrays, build_machine(case.case)
+    critical = arrays["critical_speed"]
+    assert result.summary["critical speeds"] == len(critical) >= 2
+    assert result.summary["lowest"] == critical.min() == critical[0]
+    for speed, ratio, shape in zip(
+        critical, arrays["critical_damping_ratio"], arrays["critical_mode_shape"], strict=True
+    ):
+        parameters = at_speed(parameter_vector(case.case), speed)
+        state = machine_equilibrium(machine, parameters).state
+        values = np.linalg.eigvals(machine.jacobian(0.0, state, at_rest(parameters)).toarray())
+        crossing = values[np.argmin(np.abs(values - complex(-ratio * speed, speed)))]
+        assert abs(crossing.imag - speed) < 1e-6
+        assert abs(-crossing.real / abs(crossing) - ratio) < 1e-6
+        assert np.max(np.abs(shape)) == 1.0
+
+
+def test_resonances_are_built_from_the_critical_speeds(tmp_path: Path) -> None:
+    """Every 2 Omega_j/n and |Omega_j +- Omega_k|/n with n <= 3, once."""
+    Watched("criticals", tiny_case(), tmp_path / "a.zarr")
+    arrays = group(tmp_path / "a.zarr").arrays
+    names = KINDS["criticals"].array("resonance_kind").flags
+    critical = arrays["critical_speed"]
+    expected = {
+        ("principal", j + 1, j + 1, n, round(2 * critical[j] / n, 12))
+        for j in range(len(critical))
+        for n in (1, 2, 3)
+    }
+    for j in range(len(critical)):
+        for k in range(j + 1, len(critical)):
+            for n in (1, 2, 3):
+                expected.add(("sum", j + 1, k + 1, n, round((critical[j] + critical[k]) / n, 12)))
+                expected.add(("difference", j + 1, k + 1, n, round(abs(critical[j] - critical[k]) / n, 12)))
+    found = {
+        (names[int(kind)], int(j), int(k), int(n), round(float(frequency), 12))
+        for kind, j, k, n, frequency in zip(
+            arrays["resonance_kind"],
+            arrays["resonance_j"],
+            arrays["resonance_k"],
+            arrays["resonance_order"],
+            arrays["resonance_frequency"],
+            strict=True,
+        )
+    }
+    assert found == expected
+
+
+def test_a_stopped_run_leaves_nothing_half_done(tmp_path: Path) -> None:
+    case = tiny_case()
+    Watched("criticals", case, tmp_path / "undisturbed.zarr")
+    for stop in (0, 3, 9):  # before the first speed, in the diagram, in the comparison
+        stopped = Watched("criticals", case, tmp_path / "stopped.zarr", stop_after=stop)
+        assert stopped.result.stop_reason == "stopped on request"
+        assert not (tmp_path / "stopped.zarr" / "cases" / "smoke" / "criticals").exists()
+    resumed = Watched("criticals", case, tmp_path / "stopped.zarr")
+    assert compare_trees(tmp_path / "undisturbed.zarr", tmp_path / "stopped.zarr") == []
+    again = Watched("criticals", case, tmp_path / "stopped.zarr")
+    assert again.told == [], "what is finished is not computed again"
+    assert again.result == resumed.result
+
+
+def test_another_table_is_computed_anew(tmp_path: Path) -> None:
+    Watched("criticals", tiny_case(), tmp_path / "a.zarr")
+    other = tiny_case("criticals.points=9")
+    assert Watched("criticals", other, tmp_path / "a.zarr").told
+    Watched("criticals", other, tmp_path / "fresh.zarr")
+    folder = Path("cases/smoke/criticals")
+    assert compare_trees(tmp_path / "a.zarr" / folder, tmp_path / "fresh.zarr" / folder) == []
+    assert len(group(tmp_path / "a.zarr").arrays["speed"]) == 9
+
+
+def test_a_range_without_critical_speed_says_what_to_change(tmp_path: Path) -> None:
+    strict = tiny_case("criticals.max_damping_ratio=1e-9", "criticals.points=2")
+    result = Watched("criticals", strict, tmp_path / "a.zarr").result
+    assert result.ok
+    assert result.stop_reason == "no critical speed lies inside the range"
+    assert "max_damping_ratio" in result.advice
+
+
+def test_no_equilibrium_is_a_result(tmp_path: Path) -> None:
+    heavy = tiny_case("rotor.gravity=1000", "criticals.points=2", "criticals.unbalance_points=2")
+    result = Watched("criticals", heavy, tmp_path / "a.zarr").result
+    assert not result.ok
+    assert "of the rotor's weight" in result.advice
+    content = group(tmp_path / "a.zarr")
+    assert len(content.attributes["speeds_without_equilibrium"]) == 2
+    assert content.arrays["critical_speed"].size == 0

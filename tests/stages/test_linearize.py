@@ -1,0 +1,136 @@
+"""`linearize` into a store: equilibria, eigenvalues and coefficients of every speed, resume, failure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.records import Group
+from pipelines.datasets.store import OtherConfigurationError, open_for_reading
+from pipelines.machine import film
+from pipelines.machine.assembly import build_machine, parameter_vector
+from pipelines.orbits.equilibrium import at_rest
+from pipelines.orbits.linear import at_speed, linear_point
+from pipelines.stages.linearize import reference_parameters
+from tests.helpers.tiny import Watched, tiny_case
+from tests.helpers.trees import compare_trees
+
+HEAVY = "rotor.gravity=1000"
+
+
+def linear(path: Path) -> Group:
+    return read_group(open_for_reading(path), "cases/smoke/linear")
+
+
+def test_every_speed_has_its_equilibrium_and_its_eigenvalues(tmp_path: Path) -> None:
+    case = tiny_case()
+    watched = Watched("linearize", case, tmp_path / "a.zarr")
+    assert watched.result.ok
+    assert [progress.done for progress in watched.told] == list(range(1, 8))
+    rows, machine = linear(tmp_path / "a.zarr").arrays, build_machine(case.case)
+    assert rows["speed"].tolist() == np.linspace(0.7, 1.3, 7).tolist()
+    for index, speed in enumerate(rows["speed"]):
+        still, state = at_rest(at_speed(parameter_vector(case.case), speed)), rows["state"][index]
+        assert np.max(np.abs(machine.rates(0.0, state, still))) < 1e-10
+        np.testing.assert_array_equal(rows["minimum_film"][index], machine.minimum_film(0.0, state, still))
+        for bearing in range(2):
+            np.testing.assert_array_equal(rows["journal"][index, bearing], machine.journal(state, bearing)[:2])
+        every = np.linalg.eigvals(machine.jacobian(0.0, state, still).toarray())
+        every = every[every.imag >= -1e-9 * np.abs(every)]
+        leading = every[np.argsort(-every.real)][:6]
+        assert np.max(np.abs(np.sort(leading.real) - np.sort(rows["eigenvalues"][index].real))) < 1e-9
+        assert np.max(rows["eigenvalue_residual"][index]) < 1e-8
+
+
+def test_coefficients_at_low_frequency_are_the_static_stiffness(tmp_path: Path) -> None:
+    """As the whirl frequency tends to zero, K tends to -dF/dX of the steady film, the error with its square:
+    here from central differences of the film's equilibrium force.
+    """
+    from pipelines.machine.bearing import film_state
+    from pipelines.orbits.equilibrium import film_equilibrium
+
+    case = tiny_case("linearize.whirl_ratios=[0.001, 0.002]", "linearize.points=2")
+    Watched("linearize", case, tmp_path / "a.zarr")
+    rows, machine = linear(tmp_path / "a.zarr").arrays, build_machine(case.case)
+    still = at_rest(at_speed(parameter_vector(case.case), float(rows["speed"][0])))
+    bearing, journal, h = machine.bearings[0], rows["journal"][0, 0], 1e-5
+
+    def force(position: np.ndarray) -> np.ndarray:
+        steady = film_equilibrium(bearing, position, still)
+        assert steady.converged
+        return film_state(bearing, steady.state, np.append(position, [0.0, 0.0]), 0.0, still).force
+
+    static = np.column_stack([-(force(journal + d) - force(journal - d)) / (2 * h) for d in h * np.eye(2)])
+    errors = [np.max(np.abs(rows["bearing_stiffness"][0, ratio, 0] - static)) for ratio in (0, 1)]
+    assert errors[0] < 1e-5 * np.max(np.abs(static))
+    # damping: the slope of the quadrature part, the same at both low frequencies
+    np.testing.assert_allclose(rows["bearing_damping"][0, 0], rows["bearing_damping"][0, 1], rtol=1e-4)
+
+
+def test_the_instability_speed_is_where_a_pair_crosses(tmp_path: Path) -> None:
+    case = tiny_case()
+    result = Watched("linearize", case, tmp_path / "a.zarr").result
+    attributes = linear(tmp_path / "a.zarr").attributes
+    speed = attributes["instability_speed"]
+    assert result.summary["instability speed"] == speed
+    machine = build_machine(case.case)
+    point = linear_point(machine, at_speed(parameter_vector(case.case), speed), 4)
+    leading = point.eigenpairs.values[0]
+    # 1e-8 in speed is 1e-8 of the slope in the growth rate
+    assert abs(leading.real) < 1e-8 * attributes["instability_growth_slope"]
+    assert leading.imag == pytest.approx(attributes["instability_frequency"], abs=1e-9)
+
+
+def test_a_range_without_instability_has_none(tmp_path: Path) -> None:
+    result = Watched("linearize", tiny_case("linearize.speed_range=[0.7, 1.0]"), tmp_path / "a.zarr").result
+    assert result.ok
+    assert result.summary["instability speed"] is None
+    assert linear(tmp_path / "a.zarr").attributes["unstable_from_start"] is False
+
+
+def test_undeformed_rings_are_those_of_the_passive_machine(tmp_path: Path) -> None:
+    case = tiny_case("linearize.ring=undeformed", "linearize.points=2")
+    assert reference_parameters(case.case)[film.DISPLACEMENT] == 0.0
+    Watched("linearize", case, tmp_path / "a.zarr")
+    Watched("linearize", tiny_case("linearize.points=2", "excitation.displacement=0.0"), tmp_path / "b.zarr")
+    for name in ("state", "eigenvalues", "bearing_stiffness"):
+        np.testing.assert_array_equal(
+            linear(tmp_path / "a.zarr").arrays[name], linear(tmp_path / "b.zarr").arrays[name]
+        )
+
+
+@pytest.mark.parametrize("stops", [[1], [3, 1], [6]])
+def test_resuming_gives_the_same_bytes(tmp_path: Path, stops: list[int]) -> None:
+    case = tiny_case()
+    Watched("linearize", case, tmp_path / "undisturbed.zarr")
+    for stop in stops:
+        stopped = Watched("linearize", case, tmp_path / "stopped.zarr", stop_after=stop)
+        assert stopped.result.stop_reason == "stopped on request"
+        assert stopped.finished == stop
+    resumed = Watched("linearize", case, tmp_path / "stopped.zarr")
+    assert resumed.finished == 7 - sum(stops)
+    assert compare_trees(tmp_path / "undisturbed.zarr", tmp_path / "stopped.zarr") == []
+    again = Watched("linearize", case, tmp_path / "stopped.zarr")
+    assert again.told == [], "what is finished is not computed again"
+    assert again.result == resumed.result
+
+
+def test_another_request_is_refused(tmp_path: Path) -> None:
+    Watched("linearize", tiny_case(), tmp_path / "a.zarr")
+    with pytest.raises(OtherConfigurationError, match="points"):
+        Watched("linearize", tiny_case("linearize.points=8"), tmp_path / "a.zarr")
+
+
+def test_no_equilibrium_is_a_result(tmp_path: Path) -> None:
+    watched = Watched("linearize", tiny_case(HEAVY, "linearize.points=2"), tmp_path / "a.zarr")
+    assert not watched.result.ok
+    assert watched.result.stop_reason == "no speed of the range has an equilibrium"
+    assert "of the rotor's weight" in watched.result.advice
+    assert "lighten the rotor" in watched.result.advice
+    group = linear(tmp_path / "a.zarr")
+    assert group.attributes["n_points"] == 2
+    assert np.all(np.isnan(group.arrays["state"]))
+    assert np.all(np.isfinite(group.arrays["newton_residual"]))
