@@ -43,7 +43,7 @@ _GAUSS_POINTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
 _GAUSS_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(4)[1]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def foil_coefficients(parameters, integers, scalars):
     """Flexibility a = 1/c_f and relaxation rate r = k_f/c_f of the foil (Eq. 8); a = 0 if rigid."""
     if integers[LOSS_FACTOR_DAMPING] == 1:  # c_f = eta k_f / Omega
@@ -55,7 +55,7 @@ def foil_coefficients(parameters, integers, scalars):
     return relaxation / (scalars[STIFFNESS_RATIO] * parameters[FOIL_STIFFNESS]), relaxation
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def film_geometry(
     phase, state, parameters, integers, scalars, arrays, journal, thickness, thickness_rate, foil_rate
 ):
@@ -99,7 +99,7 @@ def film_geometry(
         thickness[nodes + 1] += edge
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def pad_pressure(pressure, integers, padded):
     """Copy the pressures into rows of ``nodes + 2`` entries with the film's ends filled in (Eq. 4)."""
     nodes, stations = integers[NODES], integers[STATIONS]
@@ -112,7 +112,7 @@ def pad_pressure(pressure, integers, padded):
         padded[row + nodes + 1] = padded[row + 1] if periodic else 1.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def film_rates(padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate):
     """Fill dp/dtau (Eq. 2) from the padded pressures; marches along theta carrying the flux Phi of the last
     face.
@@ -149,7 +149,7 @@ def film_rates(padded, parameters, integers, scalars, arrays, thickness, thickne
 BEFORE, AFTER, THICKNESS_BEFORE, THICKNESS_HERE, THICKNESS_AFTER, THICKNESS_RATE, HERE = range(7)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def film_derivatives(
     padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate, terms
 ):
@@ -194,7 +194,7 @@ def film_derivatives(
             )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _crossing_moments(positive, negative):
     """``positive_part_moments`` of a cell whose left end is positive and whose right end is negative."""
     t = positive / (positive - negative)  # u vanishes at x = t
@@ -207,7 +207,7 @@ def _crossing_moments(positive, negative):
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def positive_part_moments(left, right):
     """Moments of the positive part of a linear function over a unit cell, and their derivatives.
 
@@ -225,7 +225,7 @@ def positive_part_moments(left, right):
     return near, far, near_left, near_right, far_left, far_right
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def edge_moments(near, following):
     """The moments of the cell between the ambient edge (x = 0) and its first node (x = 1), where u is
     ``near``.
@@ -254,7 +254,7 @@ def edge_moments(near, following):
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def regularised_moments(left, right, width):
     """The same moments for the smooth positive part (u + sqrt(u^2 + width^2)) / 2, by Gauss quadrature in the
     cell.
@@ -274,7 +274,7 @@ def regularised_moments(left, right, width):
     return first, second, first_left, first_right, first_right, second_right
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def regularised_edge_moments(near, following, width):
     """``edge_moments`` with the negative part of the parabola smoothed: (sqrt(u^2 + width^2) - u) / 2."""
     edge, node = near / 6.0, near / 3.0
@@ -298,7 +298,7 @@ def regularised_edge_moments(near, following, width):
     return edge, node, edge_near, edge_following, node_near, node_following
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cell_moments(left, right, integers, scalars):
     """Moments of the clipped pressure in a cell between two nodes, by the bearing's way of clipping."""
     if integers[CLIPPING] == GUMBEL:
@@ -306,7 +306,7 @@ def cell_moments(left, right, integers, scalars):
     return regularised_moments(left, right, scalars[SMOOTHING])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def end_moments(near, following, integers, scalars):
     """Moments of the clipped pressure in a cell beside the foil edge, by the bearing's way of clipping."""
     if integers[CLIPPING] == GUMBEL:
@@ -314,7 +314,7 @@ def end_moments(near, following, integers, scalars):
     return regularised_edge_moments(near, following, scalars[SMOOTHING])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def film_force(padded, integers, scalars, arrays):
     """Gas force on the journal F = -iint (p-1)^+ (cos, sin) dtheta dz (Eq. 9), clipped below grid level.
 
@@ -353,13 +353,13 @@ def film_force(padded, integers, scalars, arrays):
     return scale * horizontal, scale * vertical
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def clipping_normaliser(integers, scalars):
     """Factor that turns the sum of cell moments of a positive film into the trapezoidal sum."""
     return 1.0 if integers[CLIPPING] == FULL else 3.0 / (2.0 + np.cos(scalars[SPACING]))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def film_force_derivatives(padded, integers, scalars, arrays, gradient):
     """Fill ``gradient`` (nodes * stations, 2): derivative of the force with every pressure."""
     nodes, stations = integers[NODES], integers[STATIONS]

@@ -39,13 +39,13 @@ from .film import (
     pad_pressure,
 )
 from .kernels import RATES, TANGENT
+from .lines import LINE, add_line, set_line
 
 # Integers of the machine, followed by FILM_INTEGERS for each bearing.
 ROTOR_STATE, ROTOR_SIZE, ROTOR_CONSTANTS, JOURNAL, FILM_CONSTANTS = 0, 1, 2, 3, 5
 MACHINE_INTEGERS = 7
 BEARINGS = 2
 UNSIGNED = np.uint64
-COLUMN_CHUNK = 16  # columns of a block treated together: a bearing's chunk stays near the first-level cache
 
 
 @njit(cache=True)
@@ -142,26 +142,37 @@ def linearise_bearing(phase, state, parameters, bearing, constants, layout, work
 
 
 # The tangent sweeps a block in chunks of columns, copied line by line into one flat array: a line holds one
-# row of the chunk.  Unsigned offsets and one array to read from let the compiler vectorise the sums over a
-# line.
+# row of the chunk.  Offsets are unsigned, as ``lines`` asks for.
 
 
 @njit(cache=True)
 def gather_lines(block, first, width, row, rows, lines):
     """Copy ``rows`` rows of the columns ``first : first + width`` to lines, zeros beyond the width."""
+    if width == LINE:
+        values, columns = block.reshape(block.size), UNSIGNED(block.shape[1])
+        source = UNSIGNED(row) * columns + UNSIGNED(first)
+        for i in range(UNSIGNED(rows)):
+            set_line(lines, i * UNSIGNED(LINE), (1.0,), values, (source + i * columns,))
+        return
     for i in range(rows):
         for c in range(width):
-            lines[i * COLUMN_CHUNK + c] = block[row + i, first + c]
-        for c in range(width, COLUMN_CHUNK):
-            lines[i * COLUMN_CHUNK + c] = 0.0
+            lines[i * LINE + c] = block[row + i, first + c]
+        for c in range(width, LINE):
+            lines[i * LINE + c] = 0.0
 
 
 @njit(cache=True)
 def scatter_lines(lines, first, width, row, rows, block):
     """Copy lines back to rows of a block."""
+    if width == LINE:
+        values, columns = block.reshape(block.size), UNSIGNED(block.shape[1])
+        to = UNSIGNED(row) * columns + UNSIGNED(first)
+        for i in range(UNSIGNED(rows)):
+            set_line(values, to + i * columns, (1.0,), lines, (i * UNSIGNED(LINE),))
+        return
     for i in range(rows):
         for c in range(width):
-            block[row + i, first + c] = lines[i * COLUMN_CHUNK + c]
+            block[row + i, first + c] = lines[i * LINE + c]
 
 
 @njit(cache=True, error_model="numpy")
@@ -171,37 +182,35 @@ def foil_lines(lines, parameters, integers, scalars, arrays, clearance, out):
     Lines of a chunk: the bearing's pressures and foil displacements, the journal's dX, dY and their rates (in
     the machine's displacement unit), then room for dh (nodes + 2) and d(dh/dtau) (nodes).
     """
-    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(COLUMN_CHUNK)
+    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LINE)
     flexibility, relaxation = foil_coefficients(parameters, integers, scalars)
     weights = arrays[2 * integers[NODES] + 4 + integers[STATIONS] * (integers[STATIONS] + 1) :]
-    foil = stations * nodes * w
+    scale, foil = 1.0 / clearance, stations * nodes * w
     journal = foil + nodes * w
     slope = journal + UNSIGNED(4) * w
     slope_rate = slope + (nodes + UNSIGNED(2)) * w
     x, y, x_rate, y_rate = journal, journal + w, journal + w + w, journal + w + w + w
     for k in range(nodes + UNSIGNED(2)):
         # dh = -dX cos - dY sin + dq
-        cosine, sine = arrays[k] / clearance, arrays[nodes + UNSIGNED(2) + k] / clearance
+        cosine, sine = arrays[k] * scale, arrays[nodes + UNSIGNED(2) + k] * scale
         to = slope + k * w
-        for c in range(w):
-            lines[to + c] = -cosine * lines[x + c] - sine * lines[y + c]
+        if k == 0 or k > nodes:
+            set_line(lines, to, (-cosine, -sine), lines, (x, y))
+        else:
+            set_line(lines, to, (-cosine, -sine, 1.0), lines, (x, y, foil + (k - UNSIGNED(1)) * w))
     for i in range(nodes):
-        cosine, sine = arrays[i + UNSIGNED(1)] / clearance, arrays[nodes + UNSIGNED(3) + i] / clearance
-        here, to, rate = foil + i * w, slope + (i + UNSIGNED(1)) * w, slope_rate + i * w
-        for c in range(w):
-            lines[to + c] += lines[here + c]
-            out[here + c] = -relaxation * lines[here + c]
+        # d(dq/dtau) = -r dq + a dp_m,   d(dh/dtau) = d(dq/dtau) - d(dX/dtau) cos - d(dY/dtau) sin
+        cosine, sine = arrays[i + UNSIGNED(1)] * scale, arrays[nodes + UNSIGNED(3) + i] * scale
+        here, rate = foil + i * w, slope_rate + i * w
+        set_line(out, here, (-relaxation,), lines, (here,))
         for j in range(stations):
-            factor, source = flexibility * weights[j], (j * nodes + i) * w
-            for c in range(w):
-                out[here + c] += factor * lines[source + c]
-        for c in range(w):
-            lines[rate + c] = out[here + c] - cosine * lines[x_rate + c] - sine * lines[y_rate + c]
+            add_line(out, here, flexibility * weights[j], lines, (j * nodes + i) * w)
+        set_line(lines, rate, (-cosine, -sine), lines, (x_rate, y_rate))
+        add_line(lines, rate, 1.0, out, here)
     if integers[PERIODIC] == 1:
         last = slope + nodes * w
-        for c in range(w):
-            lines[slope + c] = lines[last + c]
-            lines[last + w + c] = lines[slope + w + c]
+        set_line(lines, slope, (1.0,), lines, (last,))
+        set_line(lines, last + w, (1.0,), lines, (slope + w,))
 
 
 @njit(cache=True, error_model="numpy")
@@ -209,7 +218,7 @@ def film_lines(lines, terms, integers, out):
     """Film rows of J from the lines that ``foil_lines`` has completed; ``terms`` as in
     ``film.film_derivatives``.
     """
-    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(COLUMN_CHUNK)
+    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LINE)
     one, step = UNSIGNED(1), nodes * w
     slope = (stations * nodes + nodes + UNSIGNED(4)) * w
     slope_rate = slope + (nodes + UNSIGNED(2)) * w
@@ -224,33 +233,23 @@ def film_lines(lines, terms, integers, out):
                 left, before = to + (nodes - one) * w, before if periodic else 0.0
             if i == nodes - one:
                 right, after = to - (nodes - one) * w, after if periodic else 0.0
-            thickness_before, thickness = terms[row, THICKNESS_BEFORE], terms[row, THICKNESS_HERE]
-            thickness_after, thickness_rate = terms[row, THICKNESS_AFTER], terms[row, THICKNESS_RATE]
-            for c in range(w):
-                out[to + c] = (
-                    thickness_before * lines[dh + c]
-                    + thickness * lines[dh + w + c]
-                    + thickness_after * lines[dh + w + w + c]
-                    + thickness_rate * lines[rate + c]
-                    + before * lines[left + c]
-                    + after * lines[right + c]
-                )
+            factors = (
+                terms[row, THICKNESS_BEFORE], terms[row, THICKNESS_HERE], terms[row, THICKNESS_AFTER],
+                terms[row, THICKNESS_RATE], before, after,
+            )  # fmt: skip
+            set_line(out, to, factors, lines, (dh, dh + w, dh + w + w, rate, left, right))
             for other in range(stations):
-                factor, source = terms[row, UNSIGNED(HERE) + other], station + other * step
-                for c in range(w):
-                    out[to + c] += factor * lines[source + c]
+                add_line(out, to, terms[row, UNSIGNED(HERE) + other], lines, station + other * step)
 
 
 @njit(cache=True, error_model="numpy")
 def force_lines(lines, gradient, force):
-    """Lines dF_x and dF_y of a bearing into ``force`` (2 chunks)."""
-    w = UNSIGNED(COLUMN_CHUNK)
+    """Lines dF_x and dF_y of a bearing into ``force`` (2 lines)."""
+    w = UNSIGNED(LINE)
     force[:] = 0.0
     for row in range(UNSIGNED(gradient.shape[0])):
-        x, y, source = gradient[row, 0], gradient[row, 1], row * w
-        for c in range(w):
-            force[c] += x * lines[source + c]
-            force[w + c] += y * lines[source + c]
+        add_line(force, UNSIGNED(0), gradient[row, 0], lines, row * w)
+        add_line(force, w, gradient[row, 1], lines, row * w)
 
 
 @njit(cache=True)
@@ -262,7 +261,7 @@ def add_force(force, first, width, bearing, constants, layout, out):
     for row in range(size):
         x, y = influence[row, 2 * bearing], influence[row, 2 * bearing + 1]
         for c in range(width):
-            out[to + row, first + c] += x * force[c] + y * force[COLUMN_CHUNK + c]
+            out[to + row, first + c] += x * force[c] + y * force[LINE + c]
 
 
 @njit(cache=True)
@@ -287,9 +286,9 @@ def tangent_workspace(nodes, stations, work):
     rows = nodes * stations
     a = rows * (HERE + stations)
     b = a + rows * 2
-    c = b + (rows + 3 * nodes + 6) * COLUMN_CHUNK
-    d = c + (rows + nodes) * COLUMN_CHUNK
-    e = d + 2 * COLUMN_CHUNK
+    c = b + (rows + 3 * nodes + 6) * LINE
+    d = c + (rows + nodes) * LINE
+    e = d + 2 * LINE
     return (
         work[:a].reshape(rows, HERE + stations),
         work[a:b].reshape(rows, 2),
@@ -313,11 +312,11 @@ def machine_tangent(phase, state, block, parameters, constants, layout, work, ou
             integers[NODES], integers[STATIONS], work
         )
         linearise_bearing(phase, state, parameters, bearing, constants, layout, scratch, terms, gradient)
-        for first in range(0, columns, COLUMN_CHUNK):
-            width = min(COLUMN_CHUNK, columns - first)
+        for first in range(0, columns, LINE):
+            width = min(LINE, columns - first)
             gather_lines(block, first, width, row, unknowns, lines)
-            gather_lines(block, first, width, journal, 2, lines[unknowns * COLUMN_CHUNK :])
-            gather_lines(block, first, width, journal + size, 2, lines[(unknowns + 2) * COLUMN_CHUNK :])
+            gather_lines(block, first, width, journal, 2, lines[unknowns * LINE :])
+            gather_lines(block, first, width, journal + size, 2, lines[(unknowns + 2) * LINE :])
             foil_lines(lines, parameters, integers, scalars, arrays, clearance, image)
             film_lines(lines, terms, integers, image)
             scatter_lines(image, first, width, row, unknowns, out)
@@ -329,5 +328,5 @@ def workspace_size(state_size: int, nodes: int, stations: int) -> int:
     """Scratch doubles that ``machine_rates`` and ``machine_tangent`` need for such a bearing."""
     film = 2 * nodes + 2 + stations * (nodes + 2)
     rows = nodes * stations
-    lines = (2 * rows + 4 * nodes + 8) * COLUMN_CHUNK
+    lines = (2 * rows + 4 * nodes + 8) * LINE
     return rows * (HERE + stations + 2) + lines + state_size + film + BEARINGS * 2

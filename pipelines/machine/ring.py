@@ -82,7 +82,7 @@ def ring_displacement_from_load(ring: Ring, load: float) -> float:
     return load * flexibility * ring_coefficients(ring).vertical
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def ring_axes_at(phase, displacement, frequency, ratio, amplitude, phase_shift):  # type: ignore[no-untyped-def]
     """Displacements of the ring's two axes and their rates d/dtau: (d_h, d_v, d_h rate, d_v rate), over c_r.
 
@@ -96,7 +96,7 @@ def ring_axes_at(phase, displacement, frequency, ratio, amplitude, phase_shift):
     return -ratio * vertical, vertical, -ratio * vertical_rate, vertical_rate
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def ring_displacement_at(cosine, sine, horizontal, vertical, radius_over_clearance):  # type: ignore[no-untyped-def]
     """Radial displacement q_r of the ring over c_r at the angle with this cosine and sine (Eq. 25).
 
@@ -111,7 +111,7 @@ def ring_displacement_at(cosine, sine, horizontal, vertical, radius_over_clearan
     return growth / (root + r)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def ring_rate_at(cosine, sine, horizontal, vertical, horizontal_rate, vertical_rate, radius_over_clearance):  # type: ignore[no-untyped-def]
     """Rate d q_r / d tau over c_r at the angle with this cosine and sine (Eq. 25, second line)."""
     along = radius_over_clearance + horizontal

@@ -1,0 +1,76 @@
+"""Sums over lines: short pieces of a flat array, one value per column of a tangent block, in vector
+registers.
+
+The compiler unrolls a loop over so few values before it would vectorise it, and the sum becomes scalar.  Here
+the vector instructions are written down; multiplications and additions may be fused.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+LINE = 8  # columns treated together: a bearing's lines and their image stay in the first-level cache
+
+_operation: Any = intrinsic  # its own annotation counts the typing context among the arguments of a call
+_LINE_TYPE = ir.VectorType(ir.DoubleType(), LINE)
+
+
+def _address(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:
+    """Pointer to the line that starts at ``offset`` of a flat array."""
+    data = context.make_array(array_type)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [offset]), _LINE_TYPE.as_pointer())
+
+
+def _filled(builder: Any, value: Any) -> Any:
+    """A line of one value."""
+    undefined = ir.Constant(_LINE_TYPE, ir.Undefined)
+    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(
+        first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LINE), [0] * LINE)
+    )
+
+
+def _sum(context: Any, builder: Any, total: Any, factors: Any, lines: Any, sources: Any) -> Any:
+    """total + sum_k factor_k line_k; ``lines`` is the pair of the array's type and value."""
+    array_type, array = lines
+    for factor, source in zip(factors, sources, strict=True):
+        line = builder.load(_address(context, builder, array_type, array, source), align=8)
+        term = builder.fmul(_filled(builder, factor), line, flags=("contract",))
+        total = term if total is None else builder.fadd(total, term, flags=("contract",))
+    return total
+
+
+@_operation
+def set_line(typing, out, to, factors, lines, sources):  # type: ignore[no-untyped-def]
+    """out[to + c] = sum_k factors[k] lines[sources[k] + c] for c < LINE; factors and sources are tuples."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        out, to, factors, lines, sources = arguments
+        factors, sources = cgutils.unpack_tuple(builder, factors), cgutils.unpack_tuple(builder, sources)
+        total = _sum(context, builder, None, factors, (signature.args[3], lines), sources)
+        builder.store(total, _address(context, builder, signature.args[0], out, to), align=8)
+        return context.get_dummy_value()
+
+    count = len(factors)
+    tuples = types.UniTuple(types.float64, count), types.UniTuple(types.uint64, count)
+    return types.void(out, types.uint64, tuples[0], lines, tuples[1]), generate
+
+
+@_operation
+def add_line(typing, out, to, factor, lines, source):  # type: ignore[no-untyped-def]
+    """out[to + c] += factor lines[source + c] for c < LINE."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        out, to, factor, lines, source = arguments
+        target = _address(context, builder, signature.args[0], out, to)
+        total = builder.load(target, align=8)
+        total = _sum(context, builder, total, (factor,), (signature.args[3], lines), (source,))
+        builder.store(total, target, align=8)
+        return context.get_dummy_value()
+
+    return types.void(out, types.uint64, types.float64, lines, types.uint64), generate
