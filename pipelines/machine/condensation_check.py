@@ -80,7 +80,9 @@ def compare_modes(
 
     full_shapes = translations(rotor, full.shapes)
     condensed_shapes = translations(condensed, candidates.shapes)
-    mac = modal_assurance(*(shapes.reshape(len(shapes), -1) for shapes in (full_shapes, condensed_shapes)))
+    # a size of -1 is not known where no mode is lightly damped
+    flat = (s.reshape(len(s), s.shape[1] * s.shape[2]) for s in (full_shapes, condensed_shapes))
+    mac = modal_assurance(*flat)
     _, partner = linear_sum_assignment(mac, maximize=True)
     partners = Modes(candidates.eigenvalues[partner], candidates.shapes[partner])
     return ModalComparison(

@@ -149,7 +149,7 @@ def oscillating_modes(
 def translations(rotor: RotorMatrices | CondensedRotor, shapes: ComplexArray) -> ComplexArray:
     """Displacements x, y of all nodes, (shapes, nodes, 2), from shapes of the rotor (shapes, freedoms)."""
     full = shapes @ rotor.transformation.T if isinstance(rotor, CondensedRotor) else shapes
-    return full.reshape(full.shape[0], -1, NODE_FREEDOMS)[:, :, :2]
+    return full.reshape(full.shape[0], full.shape[1] // NODE_FREEDOMS, NODE_FREEDOMS)[:, :, :2]
 
 
 def whirl_directions(displacements: ComplexArray) -> NDArray[np.int8]:

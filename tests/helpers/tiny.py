@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from pipelines.case.reading import NamedCase, read_cases
@@ -21,8 +20,8 @@ TINY = (
     "linearize.speed_range=[0.7, 1.3]",
     "linearize.eigenvalues=6",
     "criticals.speed_range=[0.3, 1.0]",
-    "criticals.points=8",
-    "criticals.unbalance_points=5",
+    "criticals.points=6",
+    "criticals.unbalance_points=3",
     "continue_cycles.start=1.14",
     "continue_cycles.range=[1.05, 1.2]",
     "continue_cycles.step=0.02",
@@ -55,6 +54,3 @@ class Watched:
 
     def _should_stop(self) -> bool:
         return self._stop_after is not None and self.finished >= self._stop_after
-
-
-Run = Callable[..., Watched]

@@ -37,7 +37,9 @@ def test_every_speed_has_its_equilibrium_and_its_eigenvalues(tmp_path: Path) -> 
         assert np.max(np.abs(machine.rates(0.0, state, still))) < 1e-10
         np.testing.assert_array_equal(rows["minimum_film"][index], machine.minimum_film(0.0, state, still))
         for bearing in range(2):
-            np.testing.assert_array_equal(rows["journal"][index, bearing], machine.journal(state, bearing)[:2])
+            np.testing.assert_array_equal(
+                rows["journal"][index, bearing], machine.journal(state, bearing)[:2]
+            )
         every = np.linalg.eigvals(machine.jacobian(0.0, state, still).toarray())
         every = every[every.imag >= -1e-9 * np.abs(every)]
         leading = every[np.argsort(-every.real)][:6]
@@ -102,7 +104,7 @@ def test_undeformed_rings_are_those_of_the_passive_machine(tmp_path: Path) -> No
         )
 
 
-@pytest.mark.parametrize("stops", [[1], [3, 1], [6]])
+@pytest.mark.parametrize("stops", [[3, 1]])
 def test_resuming_gives_the_same_bytes(tmp_path: Path, stops: list[int]) -> None:
     case = tiny_case()
     Watched("linearize", case, tmp_path / "undisturbed.zarr")
