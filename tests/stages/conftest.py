@@ -1,4 +1,4 @@
-"""Stores of these tests need not survive a power cut: forcing every write to disk would take half the time."""
+"""Stores of these tests need not survive a power cut: forcing every write to disk takes half the time."""
 
 from __future__ import annotations
 
