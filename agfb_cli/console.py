@@ -6,21 +6,25 @@ import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from threading import Timer
 from typing import Any, TextIO
 
 _CLEAR_LINE = "\r\x1b[K"
 
 
-@dataclass(frozen=True)
+@dataclass
 class Console:
-    """Writes for one command. `quiet` keeps errors and data only; `verbose` adds details."""
+    """Writes for one command. `quiet` keeps errors and data only; `verbose` adds details.
+
+    `answered` says whether a JSON document has been written.
+    """
 
     quiet: bool = False
     verbose: bool = False
     json: bool = False
     traceback: bool = False
+    answered: bool = field(default=False, init=False)
 
     @property
     def error_stream(self) -> TextIO:
@@ -39,6 +43,7 @@ class Console:
     def json_data(self, value: Any) -> None:
         """Write a result to stdout as JSON; NaN is refused because JSON has none."""
         self.data(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False))
+        self.answered = True
 
     def message(self, text: str) -> None:
         """Tell the user something, unless quiet."""
@@ -81,6 +86,11 @@ def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     widths = [max(len(row[column]) for row in cells) for column in range(len(header))]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
     return "\n".join(line.rstrip() for line in lines)
+
+
+def words(identifier: str) -> str:
+    """`maximum_points` as a reader would write it; sentences stay as they are."""
+    return identifier if " " in identifier else identifier.replace("_", " ")
 
 
 def name_values(values: Mapping[str, object]) -> str:

@@ -110,6 +110,12 @@ def _explain_system_error(error: OSError) -> Explanation:
         return Explanation(
             ExitCode.STORE, f"{where}{error.strerror}", "name a directory that you may write to with -o"
         )
+    if error.errno == errno.ENOENT:
+        return Explanation(
+            ExitCode.STORE,
+            f"{where}{error.strerror}",
+            "was it removed or renamed while the command ran? The same command computes what is missing",
+        )
     if error.errno == errno.EIO:
         return Explanation(
             ExitCode.RESOURCES, f"{where}{error.strerror}", "the disk or network file system fails"
@@ -139,7 +145,7 @@ def explained(console: Console) -> Iterator[None]:
     except typer.Exit:
         raise
     except KeyboardInterrupt:
-        console.error("interrupted")
+        _report(Explanation(ExitCode.INTERRUPTED, "interrupted"), console, "interrupted")
         raise typer.Exit(ExitCode.INTERRUPTED) from None
     except BrokenPipeError:
         # The reader of our output (`| head`) has seen enough; Python must not flush into the closed pipe at
@@ -150,5 +156,13 @@ def explained(console: Console) -> Iterator[None]:
         if console.traceback:
             console.error("".join(traceback.format_exception(error)).rstrip())
         explanation = explain(error)
-        console.error(explanation.text)
+        _report(explanation, console, explanation.text)
         raise typer.Exit(explanation.code) from None
+
+
+def _report(explanation: Explanation, console: Console, text: str) -> None:
+    """Tell the user, and with `--json` the program that reads stdout, unless it has its document already."""
+    console.error(text)
+    if console.json and not console.answered:
+        told = {"code": int(explanation.code), "message": explanation.message, "hint": explanation.hint}
+        console.json_data({"error": told})

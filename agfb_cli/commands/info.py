@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from typing import Any
 
 from agfb_cli.cases import matching
-from agfb_cli.console import Console, table
+from agfb_cli.console import Console, table, words
 from agfb_cli.errors import explained
 from agfb_cli.inputs import existing_store
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
@@ -41,15 +42,15 @@ def info(
 def show(content: Mapping[str, Any], console: Console) -> None:
     """One line per group on stdout; origin and advice on stderr."""
     attributes = content["attributes"]
-    console.message(f"written by agfb {attributes['versions']['agfb']}: {' '.join(attributes['argv'])}")
-    rows = []
+    console.message(f"written by agfb {attributes['versions']['agfb']}: {shlex.join(attributes['argv'])}")
+    rows: list[tuple[object, ...]] = []
     for name, described in content["cases"].items():
         for group, state in described["groups"].items():
             if group == "machine":
                 continue
             capacity = state["capacity"]
             points = None if state["n_points"] is None else f"{state['n_points']} of at most {capacity}"
-            reason = state["stop_reason"] or state["status"]
+            reason = words(state["stop_reason"] or state["status"])
             rows.append((name, group, points, state["n_events"], reason))
             if state["stop_advice"]:
                 console.detail(f"{name} {group}: {state['stop_advice']}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from agfb_cli.cases import load_cases, select_cases
-from agfb_cli.console import Console, name_values, table
+from agfb_cli.console import Console, name_values, table, words
 from agfb_cli.errors import ExitCode, explained
 from agfb_cli.inputs import default_store
 from agfb_cli.interruption import Interruption, resume_command
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from pipelines.stages.results import StageResult
 
 SECONDS_BEFORE_ANNOUNCEMENT = 2.0
+Afterwards = Callable[[Path, str | None, Console], list[Path]]
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,10 @@ class Outcome:
 
     results: list[tuple[str, StageResult]] = field(default_factory=list)
 
+    def records(self) -> list[dict[str, object]]:
+        """The results as plain data."""
+        return [{"stage": stage, **result.as_dict()} for stage, result in self.results]
+
     def exit_code(self) -> ExitCode:
         """0 when every case succeeded, 4 when the store failed a case, 3 for any other failed case."""
         failed = [result.failed_by for _, result in self.results if not result.ok]
@@ -62,9 +67,7 @@ class Outcome:
         return ExitCode.CASES_FAILED if failed else ExitCode.DONE
 
 
-def stage_command(
-    stages: Sequence[str], afterwards: Callable[[Path, str | None, Console], list[Path]] | None = None
-) -> Callable[..., None]:
+def stage_command(stages: Sequence[str], afterwards: Afterwards | None = None) -> Callable[..., None]:
     """Make the command that runs `stages` in order on every case, then `afterwards` on their store."""
 
     def command(
@@ -85,11 +88,20 @@ def stage_command(
             request = Request(config, store, tuple(assignments or ()), case, dry_run, force)
             outcome = execute(stages, request, console)
             if not dry_run:
-                files = afterwards(store, case, console) if afterwards is not None else []
-                show_outcome(outcome, store, files, console)
+                close(outcome, request, afterwards, console)
             raise typer.Exit(outcome.exit_code())
 
     return command
+
+
+def close(outcome: Outcome, request: Request, afterwards: Afterwards | None, console: Console) -> None:
+    """Do what follows the computation and show everything; what was computed is shown even if that fails."""
+    files: list[Path] = []
+    try:
+        if afterwards is not None:
+            files = afterwards(request.store, request.case_pattern, console)
+    finally:
+        show_outcome(outcome, request.store, files, console)
 
 
 def execute(stages: Sequence[str], request: Request, console: Console) -> Outcome:
@@ -97,16 +109,35 @@ def execute(stages: Sequence[str], request: Request, console: Console) -> Outcom
     named_cases = load_cases(request.config, request.assignments)
     chosen = select_cases(named_cases, request.case_pattern)
     if request.dry_run:
+        refuse_other_store(request, named_cases)
         show_plan(stages, chosen, request, console)
         return Outcome()
     with Interruption(console) as interruption:
         prepare(request, named_cases, console)
         outcome = compute(stages, chosen, request, console, interruption)
     if interruption.exit_code is not None:
-        console.error(f"stopped; everything committed is in {request.store}. To go on:")
-        console.error(f"  {resume_command(sys.argv)}")
+        show_interruption(outcome, request, console)
         raise typer.Exit(interruption.exit_code)
     return outcome
+
+
+def refuse_other_store(request: Request, named_cases: Sequence[NamedCase]) -> None:
+    """Raise what the run itself would raise when the store that is there belongs to another configuration."""
+    if request.force or not request.store.exists():
+        return
+    from pipelines.datasets.provenance import provenance
+    from pipelines.datasets.store import open_for_writing
+
+    open_for_writing(request.store, provenance(named_cases, []))
+
+
+def show_interruption(outcome: Outcome, request: Request, console: Console) -> None:
+    """Say what there is and how to go on."""
+    resume = resume_command(sys.argv)
+    console.error(f"stopped; everything committed is in {request.store}. To go on:")
+    console.error(f"  {resume}")
+    if console.json:
+        console.json_data({"store": str(request.store), "results": outcome.records(), "resume": resume})
 
 
 def compute(
@@ -122,6 +153,8 @@ def compute(
     outcome = Outcome()
     reporter = ProgressReporter(console)
     for stage in stages:
+        if interruption.requested():
+            break
         with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
             stage_function(stage)
         for result in run_cases(stage, named_cases, request.store, reporter, interruption.requested):
@@ -153,13 +186,15 @@ def announce(stage: str, result: StageResult, console: Console) -> None:
     name = f"{stage.replace('_', '-')} {result.case_id}"
     if result.ok and not console.json:
         numbers = name_values(result.summary)
-        console.data(f"{name}: {result.stop_reason}" + (f" ({numbers})" if numbers else ""))
+        console.data(f"{name}: {words(result.stop_reason)}" + (f" ({numbers})" if numbers else ""))
     if not result.ok:
-        console.error(f"{name}: failed: {result.stop_reason}")
+        console.error(f"{name}: failed: {words(result.stop_reason)}")
+        if result.advice:
+            console.error(f"  {result.advice}")
         if console.traceback and result.traceback:
             console.error(result.traceback.rstrip())
-    if result.advice and (not result.ok or console.verbose):
-        console.message(f"  {result.advice}")
+    if result.ok and result.advice:
+        console.detail(f"  {result.advice}")
 
 
 def show_plan(
@@ -180,13 +215,14 @@ def show_plan(
 def show_outcome(outcome: Outcome, store: Path, files: Sequence[Path], console: Console) -> None:
     """Close a finished run: figures, the JSON document if asked for, and how many cases failed."""
     if console.json:
-        records = [{"stage": stage, **result.as_dict()} for stage, result in outcome.results]
-        console.json_data({"store": str(store), "results": records, "figures": [str(path) for path in files]})
+        figures = [str(path) for path in files]
+        console.json_data({"store": str(store), "results": outcome.records(), "figures": figures})
     else:
         for path in files:
             console.data(str(path))
     failed = sum(not result.ok for _, result in outcome.results)
     if failed:
-        console.error(f"{failed} of {len(outcome.results)} results failed; the others are in {store}")
+        others = f"; the others are in {store}" if failed < len(outcome.results) else ""
+        console.error(f"{failed} of {len(outcome.results)} results failed{others}")
     else:
         console.message(f"results are in {store}")

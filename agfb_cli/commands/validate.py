@@ -12,7 +12,7 @@ from agfb_cli.console import Console, table
 from agfb_cli.errors import ExitCode, explain, explained
 from agfb_cli.options import AsJson, Assignments, CasePattern, Quiet, Traceback
 
-Configs = Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="TOML files to check.")]
+Configs = Annotated[list[Path], typer.Argument(metavar="CONFIG", help="TOML files to check.")]
 
 
 def validate(

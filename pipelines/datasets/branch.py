@@ -325,19 +325,26 @@ def _adopt(
         for d in sorted(set(stored) | set(sizes))
         if d not in growing and stored.get(d) != sizes.get(d)
     ]
-    differing += [
-        f"{key} is {metadata.attributes.get(key)!r} in the store and {value!r} now"
-        for key, value in attributes.items()
-        if metadata.attributes.get(key) != value
-    ]
+    for key, value in attributes.items():
+        before, now = _unlike(metadata.attributes.get(key), value)
+        if before != now:
+            differing.append(f"{key} is {before!r} in the store and {now!r} now")
     if differing:
         raise OtherConfigurationError(
             f"the branch was computed otherwise: {'; '.join(differing)}",
-            "Name another store with -o, or move this one aside with --force",
+            "Name another store with -o, move this one aside with --force, or remove this folder",
             metadata.folder,
         )
     wanted = {d: max(size, sizes[d]) if d in growing else size for d, size in stored.items()}
     _enlarge(store, metadata.folder, kind, metadata.attributes, metadata.arrays, wanted)
+
+
+def _unlike(before: Any, now: Any) -> tuple[Any, Any]:
+    """The parts in which two attributes differ: of two tables, the entries that are not the same."""
+    if not (isinstance(before, dict) and isinstance(now, dict)):
+        return before, now
+    keys = [key for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
+    return {key: before.get(key) for key in keys}, {key: now.get(key) for key in keys}
 
 
 def _enlarge(

@@ -38,6 +38,9 @@ CASE = "case"
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.=,@-]*")
 RECOMPUTE = "Remove this folder and run the same command again: it is computed anew, everything else is kept"
+RESTORE = (
+    "Restore this file from a copy of the store, or start afresh with --force, which moves the store aside"
+)
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,21 @@ def read_group_metadata(store: Path, group: str, kind: str | None = None) -> Gro
     Raises ForeignStoreError, CorruptedError, and StoreError when the group does not exist or is not of
     ``kind``.
     """
-    folder = group_folder(store, group)
+    try:
+        return _read_group_metadata(group_folder(store, group), kind)
+    except StoreError as error:
+        if RECOMPUTE not in error.advice:
+            raise
+        raise type(error)(error.message, _remedy(store, group), error.path) from error
+
+
+def _remedy(store: Path, group: str) -> str:
+    """What to do about a damaged group: the root and the cases are written once and not computed anew."""
+    written_once = group.count("/") < 2
+    return RESTORE if written_once else RECOMPUTE.replace("this folder", f"the folder {store / group}")
+
+
+def _read_group_metadata(folder: Path, kind: str | None) -> GroupMetadata:
     attributes = _group_attributes(folder)
     found = attributes["kind"]
     if kind is not None and found != kind:

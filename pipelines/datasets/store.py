@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ from pipelines.datasets.metadata import (
     CASE,
     CONTAINER,
     METADATA,
+    RESTORE,
     ROOT,
     encode_group,
     group_folder,
@@ -182,8 +183,14 @@ def _refuse_other_configuration(store: Store, provenance: Mapping[str, Any]) -> 
 
 
 def ensure_container(store: Store, group: str) -> None:
-    """Make the groups between the case and ``group`` (cycles, pd, ns), once, whichever writer comes first."""
+    """Make the groups between the case and ``group`` (cycles, pd, ns), once, whichever writer comes first.
+
+    The case itself is made with the store and never here, where its attributes are not known. Raises
+    CorruptedError when it is missing.
+    """
     parents = group.split("/")[:-1]
+    if (case := "/".join(parents[:2])).startswith("cases/") and not store.has_group(case):
+        raise CorruptedError("the file is missing", RESTORE, store.path / case / METADATA)
     for depth in range(1, len(parents) + 1):
         name = "/".join(parents[:depth])
         if store.has_group(name):
@@ -199,9 +206,12 @@ def ensure_container(store: Store, group: str) -> None:
 def move_aside(path: Path | str) -> Path:
     """Rename a store to the first free ``<name>.old-<number>`` and return its new place.
 
-    Raises LockedStoreError while any of its groups is being written, NotAStoreError when it is not a store.
+    A damaged store is moved like any other. Raises LockedStoreError while any of its groups is being written,
+    NotAStoreError when it is not a store.
     """
-    store = open_for_reading(path).path
+    store = _resolved(path)
+    with suppress(CorruptedError):
+        open_for_reading(store)
     with ExitStack() as held:
         for name in GroupLock.known(store):
             held.enter_context(GroupLock(store, name))

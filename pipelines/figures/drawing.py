@@ -12,7 +12,7 @@ from types import MappingProxyType
 from matplotlib.figure import Figure
 
 from pipelines.datasets.reading import case_attributes, list_cases, list_groups, read_group
-from pipelines.datasets.store import Store, open_for_reading
+from pipelines.datasets.store import Store, StoreError, open_for_reading
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, Scales
 from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram
@@ -62,7 +62,8 @@ def draw_figures(
 
     ``cases`` is a glob over case ids; ``kinds`` chooses among ``FIGURE_KINDS`` (all when None). A figure
     whose data are not in the store is left out and ``report`` is told why; one whose branch has no point
-    yet says so in the picture. The store may still be written meanwhile.
+    yet says so in the picture. The store may still be written meanwhile. A damaged group is left out too, and
+    raised when everything else is drawn.
 
     Raises ValueError for an unknown format or figure or a glob that no case matches, StoreError for a store
     that cannot be read, OSError where the files cannot be written.
@@ -76,8 +77,9 @@ def draw_figures(
         raise ValueError(f"no case matches {cases!r}; the store holds {', '.join(known) or 'no case'}")
     tell = report if report is not None else _say_nothing
     written: list[Path] = []
+    damaged: list[StoreError] = []
     for case in chosen:
-        for plan in _plans(opened, case, kinds or tuple(FIGURE_KINDS), tell):
+        for plan in _plans(opened, case, kinds or tuple(FIGURE_KINDS), tell, damaged):
             try:
                 figure = plan.draw()
             except MissingDataError as missing:
@@ -86,6 +88,8 @@ def draw_figures(
             for suffix in formats:
                 path = Path(output_folder) / case / f"{plan.stem}.{suffix}"
                 written.append(style.save_figure(figure, path))
+    if damaged:
+        raise damaged[0]
     return written
 
 
@@ -98,12 +102,28 @@ def _refuse_unknown(what: str, given: Collection[str], allowed: Sequence[str]) -
         raise ValueError(f"unknown {what} {', '.join(unknown)}; allowed are {', '.join(allowed)}")
 
 
-def _plans(store: Store, case: str, kinds: Collection[str], tell: Report) -> list[Plan]:
-    """The figures of a case, in the order of ``FIGURE_KINDS``; tells which groups are not there."""
-    groups = list_groups(store, case)
-    tables = {name: _table(store, name) for name in groups if _kind(name) in {FIGURE_KINDS[k] for k in kinds}}
-    view = _case_view(store, case, groups)
-    held = {_kind(name) for name in tables}
+def _plans(
+    store: Store, case: str, kinds: Collection[str], tell: Report, damaged: list[StoreError]
+) -> list[Plan]:
+    """The figures of a case, in the order of ``FIGURE_KINDS``; tells which groups are not there and collects
+    the errors of those that cannot be read.
+    """
+    try:
+        groups = list_groups(store, case)
+        view = _case_view(store, case, groups)
+    except StoreError as error:
+        tell(f"{case} is left out: {error.message}")
+        damaged.append(error)
+        return []
+    wanted = [name for name in groups if _kind(name) in {FIGURE_KINDS[k] for k in kinds}]
+    tables = {}
+    for name in wanted:
+        try:
+            tables[name] = _table(store, name)
+        except StoreError as error:
+            tell(f"{name} is left out: {error.message}")
+            damaged.append(error)
+    held = {_kind(name) for name in wanted}
     for kind in (kind for kind in FIGURE_KINDS if kind in kinds and FIGURE_KINDS[kind] not in held):
         tell(f"{case}: {kind} is left out: the store has no group {FIGURE_KINDS[kind]!r} for this case")
     plans = [plan for name, table in tables.items() for plan in _single_plans(view, _kind(name), table)]

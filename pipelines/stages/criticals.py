@@ -29,6 +29,7 @@ from pipelines.orbits.campbell import (
 )
 from pipelines.orbits.equilibrium import machine_equilibrium
 from pipelines.orbits.linear import at_speed, dynamic_stiffness
+from pipelines.stages.linearize import NO_EQUILIBRIUM
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
 Array = NDArray[np.float64]
@@ -211,7 +212,7 @@ def _comparison_arrays(machine: Machine, comparison: CondensationComparison) -> 
 
 
 def _result(case_id: str, store: Store, group: str) -> StageResult:
-    content = read_group(store, group, ("critical_speed", "resonance_frequency"))
+    content = read_group(store, group, ("speed", "critical_speed", "resonance_frequency"))
     critical, resonances = content.arrays["critical_speed"], content.arrays["resonance_frequency"]
     lowest = float(critical[0]) if critical.size else None
     summary = {"critical speeds": int(critical.size), "lowest": lowest, "resonances": int(resonances.size)}
@@ -219,4 +220,5 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
     if critical.size:
         return StageResult(case_id, True, FINISHED, "", summary)
     advice = missing[-1] if missing else "widen criticals.speed_range or raise criticals.max_damping_ratio"
-    return StageResult(case_id, not missing, NO_CRITICAL, advice, summary)
+    reason = NO_EQUILIBRIUM if len(missing) == len(content.arrays["speed"]) else NO_CRITICAL
+    return StageResult(case_id, not missing, reason, advice, summary)

@@ -180,5 +180,7 @@ def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
     summary = {"speeds": attributes["n_points"], "instability speed": speed}
     if speed is not None:
         summary["whirl frequency"] = attributes["instability_frequency"]
+    elif attributes.get("unstable_from_start"):
+        summary["unstable from the lowest speed"] = True
     ok = attributes["stop_reason"] == FINISHED
     return StageResult(case_id, ok, attributes["stop_reason"], attributes["stop_advice"], summary)

@@ -84,6 +84,16 @@ def test_a_dry_run_writes_nothing(program: Program, three: Path) -> None:
     assert not (program.folder / "build").exists()
 
 
+def test_a_dry_run_refuses_what_the_run_would_refuse(program: Program, smoke: Path) -> None:
+    assert program("linearize", "smoke.toml").exit_code == ExitCode.DONE
+    words = ["linearize", "smoke.toml", "--dry-run", "--set", "excitation.displacement=0.1"]
+    done = program(*words)
+    assert done.exit_code == ExitCode.STORE
+    assert "excitation.displacement" in done.stderr
+    assert program(*words, "--force").exit_code == ExitCode.DONE
+    assert len(program.computed) == 1
+
+
 def test_one_failed_case_does_not_sink_the_others(program: Program, three: Path) -> None:
     def fail_second(case: NamedCase) -> StageResult:
         if len(program.computed) == 2:
@@ -154,6 +164,35 @@ def test_an_interrupted_run_says_how_to_go_on(program: Program, three: Path, num
     # That very command goes on in the same store.
     program.behaviour = succeed
     assert program(*shlex.split(resume)[1:]).exit_code == ExitCode.DONE
+
+
+def test_an_interrupted_run_answers_with_json_too(program: Program, three: Path) -> None:
+    def interrupt(case: NamedCase) -> StageResult:
+        os.kill(os.getpid(), signal.SIGINT)
+        return succeed(case)
+
+    program.behaviour = interrupt
+    done = program("linearize", "three.toml", "--json")
+    assert done.exit_code == ExitCode.INTERRUPTED
+    document = json.loads(done.stdout)
+    assert [result["case_id"] for result in document["results"]] == ["stiffness=5"]
+    assert document["resume"] in done.stderr
+
+
+def test_results_are_told_when_the_figures_fail(program: Program, smoke: Path) -> None:
+    (program.folder / "build").mkdir()
+    (program.folder / "build" / "smoke-figures").touch()  # a file where the folder of the figures shall be
+    done = program("run", "smoke.toml", "--json")
+    assert done.exit_code == ExitCode.STORE
+    assert len(json.loads(done.stdout)["results"]) == 3
+    assert "smoke-figures" in done.stderr
+
+
+def test_quiet_keeps_the_advice_on_a_failure(program: Program, smoke: Path) -> None:
+    program.behaviour = lambda case: StageResult(case.case_id, False, "no equilibrium", "raise the speed")
+    done = program("linearize", "smoke.toml", "-q")
+    assert "raise the speed" in done.stderr
+    assert "1 of 1 results failed\n" in done.stderr
 
 
 def test_a_store_of_another_configuration_is_refused(program: Program, smoke: Path) -> None:
@@ -243,7 +282,10 @@ def test_usage_errors(program: Program, smoke: Path, words: list[str], told: str
     done = program(*words)
     assert done.exit_code == ExitCode.USAGE
     assert told in done.stderr
-    assert done.stdout == ""
+    if "--json" in words:
+        assert json.loads(done.stdout)["error"]["code"] == ExitCode.USAGE
+    else:
+        assert done.stdout == ""
     assert program.computed == []
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -40,6 +41,11 @@ ERRORS = [
         ExitCode.STORE,
         "a.zarr: Permission denied",
     ),
+    (
+        FileNotFoundError(errno.ENOENT, "No such file or directory", "a.zarr/zarr.json"),
+        ExitCode.STORE,
+        "a.zarr/zarr.json: No such file",
+    ),
     (OSError(errno.EROFS, "Read-only file system", "a.zarr"), ExitCode.STORE, "Read-only"),
     (MemoryError(), ExitCode.RESOURCES, "out of memory"),
     (RuntimeError("cannot cache function: no locator available for file"), ExitCode.RESOURCES, "numba"),
@@ -71,6 +77,18 @@ def test_the_traceback_is_shown_only_when_asked_for(capsys: pytest.CaptureFixtur
             raise ZeroDivisionError("nothing to divide")
         assert stop.value.exit_code == ExitCode.BUG
         assert ("Traceback (most recent call last)" in capsys.readouterr().err) is shown
+
+
+@pytest.mark.parametrize("answered", [False, True])
+def test_a_program_gets_exactly_one_document(answered: bool, capsys: pytest.CaptureFixture[str]) -> None:
+    console = Console(json=True)
+    if answered:
+        console.json_data({"results": []})
+    with pytest.raises(typer.Exit), explained(console):
+        raise UsageError("a.toml: no such file", "did you mean b.toml?")
+    document = json.loads(capsys.readouterr().out)
+    told = {"code": 2, "message": "a.toml: no such file", "hint": "did you mean b.toml?"}
+    assert document == ({"results": []} if answered else {"error": told})
 
 
 def test_ctrl_c_before_a_computation(capsys: pytest.CaptureFixture[str]) -> None:

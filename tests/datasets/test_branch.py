@@ -207,6 +207,14 @@ def test_another_branch_in_its_place_is_refused(store: Store) -> None:
     open_branch(store, GROUP, "cycles", LEAN).close()  # the refused ones gave their locks back
 
 
+def test_of_two_requests_only_what_differs_is_told(store: Store) -> None:
+    request = {"step": 0.02, "range": [1.0, 2.0]}
+    open_branch(store, GROUP, "cycles", LEAN, {}, {"request": request}).close()
+    with pytest.raises(OtherConfigurationError) as error:
+        open_branch(store, GROUP, "cycles", LEAN, {}, {"request": {**request, "step": 0.01}})
+    assert error.value.message.endswith("request is {'step': 0.02} in the store and {'step': 0.01} now")
+
+
 def test_second_writer_is_refused_with_the_process_of_the_first(store: Store) -> None:
     code = (
         "import sys; from pathlib import Path; from pipelines.datasets.locking import GroupLock\n"

@@ -230,6 +230,31 @@ def test_a_newer_schema_is_refused(store: Store, branch: Path, monkeypatch: pyte
         open_for_reading(store.path)
 
 
+def test_what_is_written_once_is_not_said_to_be_computed_anew(store: Store, branch: Path) -> None:
+    case = "/".join(GROUP.split("/")[:2])
+    for folder, advice in (
+        (branch / "state", f"Remove the folder {branch} "),
+        (branch, f"Remove the folder {branch} "),
+        (store.path / case, "Restore this file"),
+        (store.path, "Restore this file"),
+    ):
+        whole = (folder / "zarr.json").read_bytes()
+        (folder / "zarr.json").write_bytes(whole[:50])
+        with pytest.raises(CorruptedError) as error:
+            describe(store.path)
+        assert error.value.advice.startswith(advice)
+        (folder / "zarr.json").write_bytes(whole)
+
+
+def test_a_case_that_lost_its_description_is_not_replaced_by_an_empty_one(store: Store, branch: Path) -> None:
+    case = branch.parent.parent
+    (case / "zarr.json").unlink()
+    with pytest.raises(CorruptedError, match="missing") as error:
+        open_branch(store, GROUP, "cycles", LEAN)
+    assert error.value.path == case / "zarr.json"
+    assert not (case / "zarr.json").exists()
+
+
 @pytest.mark.parametrize("content", [b"", b"{", b"[" * 100_000, b"[]", b"\xff\xfe", b'"text"'])
 def test_metadata_that_are_not_json_objects(store: Store, branch: Path, content: bytes) -> None:
     (branch / "zarr.json").write_bytes(content)
@@ -269,3 +294,9 @@ def test_moving_aside_waits_for_no_one_and_keeps_everything(store: Store, branch
     read_all(first)
     shutil.copytree(first, store.path)
     assert move_aside(store.path).name == "store.zarr.old-2"
+
+
+def test_a_damaged_store_can_be_moved_aside(store: Store) -> None:
+    (store.path / "zarr.json").write_bytes(b"{")
+    assert (move_aside(store.path) / "zarr.json").read_bytes() == b"{"
+    assert not store.path.exists()

@@ -12,6 +12,7 @@ from pathlib import Path
 import matplotlib as mpl
 import pytest
 
+from pipelines.datasets.store import CorruptedError
 from pipelines.figures.drawing import FIGURE_KINDS, draw_figures
 from pipelines.figures.style import new_figure, save_figure
 
@@ -90,6 +91,20 @@ def test_missing_groups_and_arrays_are_reported(synthetic, tmp_path):
     assert [path.name for path in written] == ["machine.png"]
     assert len(said) == len(FIGURE_KINDS) - 1
     assert any(s.startswith("kb10: bifurcation is left out: the store has no group 'cycles'") for s in said)
+
+
+def test_a_damaged_group_costs_its_own_figures_only(synthetic, tmp_path):
+    synthetic.make_store(tmp_path / "store", 3)
+    damaged = next((tmp_path / "store").glob("cases/*/linear/eigenvalues/c*"))
+    damaged.write_bytes(damaged.read_bytes()[:-1])
+    told = []
+    with pytest.raises(CorruptedError) as error:
+        draw_figures(
+            tmp_path / "store", tmp_path / "out", kinds=["machine", "linearization"], report=told.append
+        )
+    assert error.value.path == damaged
+    assert [path.name for path in (tmp_path / "out").rglob("*.png")] == ["machine.png"]
+    assert any("linear is left out" in message for message in told)
 
 
 def test_without_the_machine_its_figures_are_left_out_with_the_reason(synthetic, tmp_path):

@@ -108,6 +108,7 @@ def test_no_equilibrium_is_a_result(tmp_path: Path) -> None:
     heavy = tiny_case("rotor.gravity=1000", "criticals.points=2", "criticals.unbalance_points=2")
     result = Watched("criticals", heavy, tmp_path / "a.zarr").result
     assert not result.ok
+    assert result.stop_reason == "no speed of the range has an equilibrium"
     assert "of the rotor's weight" in result.advice
     content = group(tmp_path / "a.zarr")
     assert len(content.attributes["speeds_without_equilibrium"]) == 2

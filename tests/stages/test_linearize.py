@@ -91,6 +91,16 @@ def test_a_range_without_instability_has_none(tmp_path: Path) -> None:
     assert result.ok
     assert result.summary["instability speed"] is None
     assert linear(tmp_path / "a.zarr").attributes["unstable_from_start"] is False
+    assert "unstable from the lowest speed" not in result.summary
+
+
+def test_a_machine_that_is_never_stable_says_so(tmp_path: Path) -> None:
+    # a weightless journal runs concentric, where only the foil's damping opposes half-frequency whirl
+    result = Watched(
+        "linearize", tiny_case("rotor.gravity=0", "linearize.points=2"), tmp_path / "a.zarr"
+    ).result
+    assert result.summary["instability speed"] is None
+    assert result.summary["unstable from the lowest speed"] is True
 
 
 def test_undeformed_rings_are_those_of_the_passive_machine(tmp_path: Path) -> None:
