@@ -4,7 +4,10 @@ Test functions over the slow multipliers (the trivial multiplier 1 of an autonom
 
     psi_fold = prod (1 - mu_i),   psi_PD = prod (1 + mu_i),   psi_NS = prod_{i<j} (1 - mu_i mu_j)
 
-Multipliers near zero contribute factors near one, so the signs do not depend on how many are kept.
+Multipliers near zero contribute factors near one, so the signs do not depend on how many are kept.  A product
+over thousands of pairs leaves the range of doubles, therefore a test function is kept as the sign of its
+product times the modulus of its smallest factor: continuous, with the same zeros, linear in the factor that
+vanishes, and of moderate size.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle, Unknowns, tangent_at
 from pipelines.orbits.system import Vector
 
-_OUTSIDE = 1e-9  # beyond the unit circle by more than the residual asked of a multiplier
+_OUTSIDE = 1e-9  # the residual asked of a multiplier: nearer to the unit circle is reported as on it
 _REAL = 1e-6  # imaginary part, relative to the modulus, below which a multiplier is taken as real
 _DIFFERENCE_FRACTION = 0.05  # of the segment, for the derivative of the modulus
 
@@ -84,7 +87,11 @@ class DetectionOptions:
 
 @dataclass(frozen=True)
 class BifurcationTests:
-    """The test functions of one cycle and the number of its unstable multipliers."""
+    """The test functions of one cycle and the number of its multipliers outside the unit circle.
+
+    ``unstable`` counts every multiplier beyond the circle, however near, so that it changes where a test
+    function changes sign and nowhere else.
+    """
 
     fold: float
     period_doubling: float
@@ -126,7 +133,9 @@ def nontrivial(multipliers: Complex, autonomous: bool) -> Complex:
 
 
 def unstable_count(multipliers: Complex, autonomous: bool) -> int:
-    """Number of multipliers outside the unit circle, the trivial one left out."""
+    """Number of multipliers outside the unit circle by more than their residual, the trivial one left
+    out.
+    """
     return int(np.sum(np.abs(nontrivial(multipliers, autonomous)) > 1.0 + _OUTSIDE))
 
 
@@ -135,11 +144,30 @@ def evaluate_tests(multipliers: Complex, autonomous: bool) -> BifurcationTests:
     mu = nontrivial(multipliers, autonomous)
     first, second = np.triu_indices(len(mu), k=1)
     return BifurcationTests(
-        fold=float(np.prod(1.0 - mu).real),
-        period_doubling=float(np.prod(1.0 + mu).real),
-        neimark_sacker=float(np.prod(1.0 - mu[first] * mu[second]).real),
-        unstable=unstable_count(multipliers, autonomous),
+        fold=_signed_smallest(1.0 - mu),
+        period_doubling=_signed_smallest(1.0 + mu),
+        neimark_sacker=_signed_smallest(1.0 - mu[first] * mu[second]),
+        unstable=int(np.sum(np.abs(mu) > 1.0)),
     )
+
+
+def _signed_smallest(factors: Complex) -> float:
+    """Sign of the product times the modulus of the smallest factor; 1 for an empty product.
+
+    Complex factors come in conjugate pairs, so the product of the phases is 1 or -1.
+    """
+    if len(factors) == 0:
+        return 1.0
+    moduli = np.abs(factors)
+    smallest = float(np.min(moduli))
+    if smallest == 0.0:
+        return 0.0
+    return math.copysign(smallest, float(np.prod(factors / moduli).real))
+
+
+def _changes_sign(before: float, after: float) -> bool:
+    """Whether a test function changed sign; zero belongs to the side of no crossing, as in ``unstable``."""
+    return (before < 0.0) != (after < 0.0)
 
 
 def detect(before: BifurcationTests, after: BifurcationTests, turned: bool) -> tuple[EventKind, ...]:
@@ -150,11 +178,11 @@ def detect(before: BifurcationTests, after: BifurcationTests, turned: bool) -> t
     kinds = []
     if turned:
         kinds.append(EventKind.FOLD)
-    elif before.fold * after.fold < 0.0:
+    elif _changes_sign(before.fold, after.fold):
         kinds.append(EventKind.BRANCH_POINT)
-    if before.period_doubling * after.period_doubling < 0.0:
+    if _changes_sign(before.period_doubling, after.period_doubling):
         kinds.append(EventKind.PERIOD_DOUBLING)
-    if before.neimark_sacker * after.neimark_sacker < 0.0:
+    if _changes_sign(before.neimark_sacker, after.neimark_sacker):
         kinds.append(EventKind.NEIMARK_SACKER)
     return tuple(kinds)
 
@@ -168,7 +196,7 @@ def explains(
     and a neutral saddle, which the same test function reports until it is located (``confirmed``), none.  If
     they cannot, two events lie between the cycles and the step is too long.
     """
-    if (EventKind.FOLD in kinds) and before.fold * after.fold > 0.0:
+    if EventKind.FOLD in kinds and not _changes_sign(before.fold, after.fold):
         return False
     pair = (-2, 2) if confirmed else (-2, 0, 2)
     moves = [pair if kind is EventKind.NEIMARK_SACKER else (-1, 1) for kind in kinds]

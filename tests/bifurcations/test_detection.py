@@ -83,15 +83,62 @@ def test_neutral_saddle_is_no_bifurcation() -> None:
 def test_trivial_multiplier_is_left_out() -> None:
     values = spectrum(1.0 + 1e-11, 0.7, *pair(0.6, 1.0))
     assert unstable_count(values, True) == 0
-    assert evaluate_tests(values, True).fold == pytest.approx(0.3 * (1.0 - 2 * 0.6 * math.cos(1.0) + 0.36))
+    # the trivial one would be the smallest factor
+    assert evaluate_tests(values, True).fold == pytest.approx(0.3, rel=1e-12)
 
 
 def test_test_functions_ignore_the_number_of_fast_multipliers() -> None:
     slow = spectrum(1.1, -0.9, *pair(0.8, 2.0))
-    many = np.concatenate([slow, 1e-4 * np.exp(1j * np.arange(0)), spectrum(*([1e-4] * 30))])
-    few, more = evaluate_tests(slow, False), evaluate_tests(many, False)
-    for name in ("fold", "period_doubling", "neimark_sacker"):
-        assert getattr(more, name) == pytest.approx(getattr(few, name), rel=0.02)
+    many = np.concatenate([slow, spectrum(*([1e-4] * 30))])
+    assert evaluate_tests(many, False) == evaluate_tests(slow, False)
+
+
+def cluster(modulus: float, count: int = 60) -> tuple[complex, ...]:
+    """``count`` multipliers of nearly one modulus spread over all angles, closed under conjugation."""
+    rng = np.random.default_rng(1)
+    sizes, angles = modulus + 0.02 * rng.random(count // 2), math.pi * rng.random(count // 2)
+    return tuple(value for size, angle in zip(sizes, angles, strict=True) for value in pair(size, angle))
+
+
+@pytest.mark.parametrize("rest", [(0.7,) * 60, cluster(0.7), cluster(0.95)])
+def test_many_multipliers_of_moderate_modulus_hide_no_event(rest: tuple[complex, ...]) -> None:
+    """1830 factors of 0.51 have a product of 1e-535, which is zero in doubles."""
+    for kind, inside, outside in (
+        (EventKind.NEIMARK_SACKER, pair(0.99, 1.0), pair(1.01, 1.0)),
+        (EventKind.PERIOD_DOUBLING, (-0.99,), (-1.01,)),
+        (EventKind.BRANCH_POINT, (0.99,), (1.01,)),
+    ):
+        before, after = spectrum(*inside, *rest), spectrum(*outside, *rest)
+        assert kinds_between(before, after) == ((kind,), True)
+        assert kinds_between(after, before) == ((kind,), True)
+        assert kinds_between(before, spectrum(*(0.999 * value for value in before))) == ((), True)
+
+
+def test_test_functions_are_linear_through_their_zeros() -> None:
+    """The root finder needs a slope: psi_NS = 1 - r^2 at the modulus r of the pair that crosses."""
+    for offset in (-1e-3, -1e-10, 1e-10, 1e-3):
+        tests = evaluate_tests(spectrum(*pair(1.0 + offset, 1.0), *cluster(0.7)), False)
+        assert tests.neimark_sacker == pytest.approx(-2.0 * offset - offset**2, rel=1e-5)
+        assert evaluate_tests(spectrum(1.0 + offset, 0.7), False).fold == pytest.approx(-offset, rel=1e-5)
+        assert evaluate_tests(spectrum(-1.0 - offset, 0.7), False).period_doubling == pytest.approx(
+            -offset, rel=1e-5
+        )
+
+
+@pytest.mark.parametrize("distance", [1e-12, 1e-10, 9e-10, 2e-9])
+def test_count_and_signs_agree_next_to_the_circle(distance: float) -> None:
+    """A spectrum within the accuracy of the multipliers beyond the circle is on the same side for both."""
+    inside, near, far = (spectrum(*pair(modulus, 1.0)) for modulus in (0.99, 1.0 + distance, 1.01))
+    assert kinds_between(inside, near) == ((EventKind.NEIMARK_SACKER,), True)
+    assert kinds_between(near, far) == ((), True)
+
+
+def test_spectrum_exactly_on_the_circle_belongs_inside() -> None:
+    """An event at a recorded point is found once: on leaving the point, not on reaching it."""
+    for kind, on, outside in ((EventKind.PERIOD_DOUBLING, -1.0, -1.1), (EventKind.BRANCH_POINT, 1.0, 1.1)):
+        at, after = spectrum(on, 0.3), spectrum(outside, 0.3)
+        assert kinds_between(spectrum(0.9 * on, 0.3), at) == ((), True)
+        assert kinds_between(at, after) == ((kind,), True)
 
 
 @pytest.mark.parametrize(
