@@ -259,7 +259,10 @@ class ContinueCycles(Table):
         below=1,
         because="a cycle of no size is the equilibrium",
     )
-    direction: Literal["up", "down", "both"] = choice("direction of the parameter at the start", "up")
+    direction: Literal["up", "down", "both"] = choice(
+        "direction of the parameter at the start; self-excited whirl leaves its Hopf point where it can",
+        "up",
+    )
 
     @field_validator("range")
     @classmethod

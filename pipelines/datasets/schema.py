@@ -368,6 +368,7 @@ CYCLES = GroupSpec(
         _real("orbit", "point sample coordinate", "orbit of the master nodes over clearance"),
         _real("orbit_minimum", "point coordinate", "smallest value over the period, over clearance"),
         _real("orbit_maximum", "point coordinate", "largest value over the period, over clearance"),
+        _real("minimum_pressure", "point bearing", "smallest film pressure over the period, over ambient"),
         _real("minimum_film", "point bearing", "smallest film thickness over the period, over clearance"),
         _real(
             "minimum_film_trace",

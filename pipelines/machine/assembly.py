@@ -57,6 +57,11 @@ class Machine:
         start = int(self.bearings[bearing].integers[film.PRESSURE])
         return slice(start, start + self.bearings[bearing].settings.unknowns)
 
+    def pressures(self, state: Array, bearing: int) -> Array:
+        """The pressures of a bearing's film among the last dimension of ``state``."""
+        start, settings = self.film_unknowns(bearing).start, self.bearings[bearing].settings
+        return state[..., start : start + settings.nodes * settings.axial]
+
     def journal(self, state: Array, bearing: int) -> Array:
         """Position and velocity X, Y, dX/dtau, dY/dtau of a journal in units of its own clearance."""
         first = self.rotor_start + self.journal_freedoms[bearing]

@@ -87,11 +87,13 @@ def ring_axes_at(phase, displacement, frequency, ratio, amplitude, phase_shift):
     """Displacements of the ring's two axes and their rates d/dtau: (d_h, d_v, d_h rate, d_v rate), over c_r.
 
     ``phase`` is Omega_ex tau [rad], ``displacement`` is delta, ``frequency`` is Omega_ex (dimensionless);
-    ``amplitude`` and ``phase_shift`` [rad] are those of the bearing.
+    ``amplitude`` and ``phase_shift`` [rad] are those of the bearing.  At frequency 0 the ring rests in its
+    mean position, whatever its phase.
     """
     half = 0.5 * amplitude * displacement
     # d_v = -(delta/2)(1 + sin(Omega_ex tau)),  d_h = -rho d_v
-    vertical = -half * (1.0 + np.sin(phase + phase_shift))
+    swing = np.sin(phase + phase_shift) if frequency != 0.0 else 0.0
+    vertical = -half * (1.0 + swing)
     vertical_rate = -half * frequency * np.cos(phase + phase_shift)
     return -ratio * vertical, vertical, -ratio * vertical_rate, vertical_rate
 

@@ -19,7 +19,7 @@ from pipelines.machine.bearing import Bearing, film_state, linearise_bearing
 
 Array = NDArray[np.float64]
 
-# Equilibria are those of the machine with its rings at rest in their mean position: no rate, sin(phase) = 0.
+# Equilibria are those of the machine with its rings resting in their mean position: excitation frequency 0.
 MEAN_PHASE = 0.0
 
 

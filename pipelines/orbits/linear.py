@@ -105,10 +105,11 @@ def _arnoldi(jacobian: sparse.csc_array, shift: complex, count: int) -> tuple[Co
     inverse = LinearOperator((size, size), matvec=factor.solve, dtype=np.complex128)
     start = np.cos(np.arange(1, size + 1, dtype=np.float64)).astype(np.complex128)
     wanted = min(count, size - 2)
+    search = {"k": wanted, "v0": start, "tol": 1e-13, "maxiter": 200 * wanted, "rng": 0}
     try:
-        values, vectors = eigs(inverse, k=wanted, v0=start, tol=1e-13, maxiter=200 * wanted)
-    except ArpackNoConvergence as stopped:
-        values, vectors = stopped.eigenvalues, stopped.eigenvectors
+        values, vectors = eigs(inverse, **search)
+    except ArpackNoConvergence:  # once more in a space so large that few restarts are needed
+        values, vectors = eigs(inverse, ncv=min(size, 6 * wanted + 40), **search)
     return shift + 1.0 / values, vectors
 
 

@@ -49,6 +49,8 @@ class CycleShape:
     """Largest value, same shape."""
     film_trace: Array
     """Smallest film thickness along the period, shape (samples, bearings)."""
+    lowest_pressure: Array
+    """Smallest pressure anywhere on the orbit, shape (bearings,)."""
     pressure: Array
     """Axial mean of the pressure, shape (snapshots, bearings, theta)."""
     foil: Array
@@ -63,9 +65,12 @@ def cycle_shape(
     """Describe an orbit (samples, N or more) given at equal fractions of the period; ``turns`` forcing
     periods long.
     """
+    extended, oscillator = orbit.shape[1] > machine.size, orbit[:, machine.size :]
     orbit = np.ascontiguousarray(orbit[:, : machine.size])
     samples = orbit.shape[0]
     phases = 2.0 * np.pi * turns * np.arange(samples) / samples
+    if extended:  # the oscillator of Eq. 17 is (sin, cos) of the phase
+        phases = np.arctan2(oscillator[:, 0], oscillator[:, 1])
     trace = np.array(
         [machine.minimum_film(phase, state, parameters) for phase, state in zip(phases, orbit, strict=True)]
     )
@@ -81,4 +86,6 @@ def cycle_shape(
             pressure[row, index, own] = 1.0 + gauge
             thickness[row, index, own] = state.thickness[1:-1]
             foil[row, index, own] = orbit[sample, machine.film_unknowns(index)][-bearing.settings.nodes :]
-    return CycleShape(masters, masters.min(axis=0), masters.max(axis=0), trace, pressure, foil, thickness)
+    lowest = np.array([machine.pressures(orbit, index).min() for index in range(BEARINGS)])
+    extremes = masters.min(axis=0), masters.max(axis=0)
+    return CycleShape(masters, *extremes, trace, lowest, pressure, foil, thickness)

@@ -17,6 +17,7 @@ from pipelines.bifurcations.arclength import (
     continue_branch,
 )
 from pipelines.bifurcations.detection import Event
+from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
@@ -25,20 +26,14 @@ from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.orbits.shooting import CycleProblem
-from pipelines.stages.cycle_problem import (
-    FirstCycle,
-    NoStart,
-    continuation_options,
-    cycle_problem,
-    first_cycle,
-    ramped_cycle,
-)
+from pipelines.stages.cycle_problem import continuation_options, cycle_problem, is_self_excited
 from pipelines.stages.cycle_rows import BranchRecorder, branch_sizes, resumed_state, static_arrays
+from pipelines.stages.cycle_start import NoStart, Watch, first_cycles
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
 DIRECTIONS = {"up": (1,), "down": (-1,), "both": (1, -1)}
 COMPLETE = frozenset({BranchStop.RANGE, BranchStop.CLOSED, BranchStop.MAXIMUM_POINTS, BranchStop.LIMIT})
-NO_START = "START"
+NO_START = "start"
 
 
 def continue_cycles(
@@ -51,7 +46,7 @@ def continue_cycles(
     machine = build_machine(case.case)
     problem = cycle_problem(machine, case.case)
     groups = []
-    for number, direction in enumerate(DIRECTIONS[case.case.continue_cycles.direction]):
+    for number, direction in enumerate(directions(case.case)):
         if should_stop():
             break
         group = f"cases/{case.case_id}/cycles/b{number:03d}"
@@ -60,6 +55,14 @@ def continue_cycles(
             if not _is_complete(branch, case.case.continue_cycles.max_points):
                 _follow(store, group, branch, machine, case, problem, direction, report, should_stop)
     return _result(case, store, groups)
+
+
+def directions(case: Case) -> tuple[int, ...]:
+    """Directions of the branches; a self-excited one leaves its Hopf point on the side where it exists."""
+    table = case.continue_cycles
+    if is_self_excited(case) and table.parameter == "speed":
+        return (1,)
+    return DIRECTIONS[table.direction]
 
 
 def _open(store: Store, group: str, machine: Machine, case: NamedCase, problem: CycleProblem) -> BranchWriter:
@@ -112,17 +115,19 @@ def _follow(
         _end(branch, run(resumed_state(newest, first, table.parameter), direction))
         return
     report(Progress("continue-cycles", case.case_id, 0, table.max_points, "looking for the first cycle"))
-    found = first_cycle(machine, case.case, problem)
-    if isinstance(found, FirstCycle):
+    failure = NoStart("no cycle was found", "")
+    for found in first_cycles(machine, case.case, problem, Watch(recorder.limit, should_stop)):
+        if should_stop():
+            return
+        if isinstance(found, NoStart):
+            failure = found
+            continue
         result = run(found.start, found.direction or direction)
-        if result.stop is not BranchStop.START_FAILED or found.direction:
+        if result.stop is not BranchStop.START_FAILED:
             _end(branch, result)
             return
-        found = ramped_cycle(machine, case.case, problem)
-    if isinstance(found, NoStart):
-        branch.finish(NO_START.lower(), f"{found.reason}: {found.advice}")
-        return
-    _end(branch, run(found.start, direction))
+        failure = NoStart(f"the first cycle did not converge: {result.message}", result.stop.advice)
+    branch.finish(NO_START, f"{failure.reason}: {failure.advice}")
 
 
 def _end(branch: BranchWriter, result: BranchResult) -> None:

@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.bifurcations.arclength import (
-    BranchPoint,
-    BranchStart,
-    BranchState,
-    BranchStop,
     ContinuationOptions,
-    continue_branch,
 )
-from pipelines.bifurcations.detection import DetectionOptions, Event
+from pipelines.bifurcations.detection import DetectionOptions
 from pipelines.case.models import PARAMETERS, Case
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, parameter_vector
-from pipelines.orbits.equilibrium import Equilibrium, machine_equilibrium
 from pipelines.orbits.floquet import BasisOptions
-from pipelines.orbits.hopf_start import start_at_hopf
-from pipelines.orbits.linear import Instability, at_speed, linear_point
 from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import steppers
-from pipelines.stages.linearize import hopf_between, leading_growth
 
 Array = NDArray[np.float64]
 

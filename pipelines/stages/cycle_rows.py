@@ -57,7 +57,7 @@ def static_arrays(machine: Machine, case: Case) -> dict[str, Any]:
 
 
 class BranchRecorder:
-    """Writes every accepted point of a branch, and stops the branch where a film becomes too thin.
+    """Writes every accepted point of a branch, and stops the branch where a film is not physical any more.
 
     The shape of a cycle is needed by both and computed once, in ``limit``, which the engine asks first.
     """
@@ -73,19 +73,23 @@ class BranchRecorder:
         self._shape: CycleShape | None = None
 
     def limit(self, point: BranchPoint) -> str | None:
-        """A sentence if the journal touches the foil somewhere on the orbit, else None."""
-        self._shape = cycle_shape(
-            self._machine, point.cycle.image.orbit, point.cycle.parameters, snapshots=SNAPSHOTS
-        )
-        film = self._shape.film_trace.min(axis=0)
-        bearing = int(np.argmin(film))
-        if film[bearing] >= self._thinnest:
-            return None
-        return (
-            f"the journal touches the foil of bearing {bearing}: its film shrinks to {film[bearing]:.3g} "
-            f"of the clearance (limit {self._thinnest:g}); "
-            "lower the excitation or the load, or the limit continue_cycles.minimum_film"
-        )
+        """A sentence if the point is not physical: a film too thin, or a pressure below vacuum."""
+        cycle = point.cycle
+        self._shape = cycle_shape(self._machine, cycle.image.orbit, cycle.parameters, snapshots=SNAPSHOTS)
+        film, pressure = self._shape.film_trace.min(axis=0), self._shape.lowest_pressure
+        thin, low = int(np.argmin(film)), int(np.argmin(pressure))
+        if film[thin] < self._thinnest:
+            return (
+                f"the journal touches the foil of bearing {thin}: its film shrinks to {film[thin]:.3g} "
+                f"of the clearance (limit {self._thinnest:g}); "
+                "lower the excitation or the load, or the limit continue_cycles.minimum_film"
+            )
+        if pressure[low] <= 0.0:
+            return (
+                f"the pressure in bearing {low} falls below vacuum ({pressure[low]:.3g} of ambient): "
+                "the film grid does not resolve it; raise numerics.circumferential"
+            )
+        return None
 
     def record(self, point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
         """Commit the point ``limit`` has just passed, with the events that lead to it."""
@@ -115,6 +119,7 @@ def point_row(point: BranchPoint, state: BranchState, shape: CycleShape) -> dict
         "orbit": shape.orbit,
         "orbit_minimum": shape.minimum,
         "orbit_maximum": shape.maximum,
+        "minimum_pressure": shape.lowest_pressure,
         "minimum_film": shape.film_trace.min(axis=0),
         "minimum_film_trace": shape.film_trace,
         "film_pressure": shape.pressure,

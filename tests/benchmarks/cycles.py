@@ -26,7 +26,8 @@ from pipelines.orbits.shooting import (
     following_basis,
     needed_steps,
 )
-from pipelines.stages.cycle_problem import FirstCycle, continuation_options, cycle_problem, first_cycle
+from pipelines.stages.cycle_problem import continuation_options, cycle_problem
+from pipelines.stages.cycle_start import FirstCycle, resting_start
 from tests.benchmarks.measuring import Measurement, cpu_seconds, growth_exponent, interleaved
 from tests.benchmarks.settings import Grid, Settings
 from tests.machines import case
@@ -98,7 +99,7 @@ def prepared(grid: Grid) -> Start:
     problem = cycle_problem(machine, description)
     known = {item.name: getattr(problem.period_map, item.name) for item in fields(problem.period_map)}
     problem = replace(problem, period_map=CountingMap(**known))
-    found = first_cycle(machine, description, problem)
+    found = resting_start(machine, problem)
     assert isinstance(found, FirstCycle), found.reason
     guess = problem.consistent(Unknowns(found.start.state, 0.0, SPEED))
     return Start(description, problem, guess, needed_steps(problem, guess))
