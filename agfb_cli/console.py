@@ -41,8 +41,8 @@ class Console:
         print(text, file=sys.stdout)
 
     def json_data(self, value: Any) -> None:
-        """Write a result to stdout as JSON; NaN is refused because JSON has none."""
-        self.data(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False))
+        """Write a result to stdout as JSON, in ASCII; NaN is refused because JSON has none."""
+        self.data(json.dumps(value, indent=2, allow_nan=False))
         self.answered = True
 
     def message(self, text: str) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+from io import TextIOWrapper
 from typing import Annotated
 
 import typer
@@ -67,6 +69,19 @@ def agfb(
     """
     for name in BLAS_THREAD_VARIABLES:
         os.environ.setdefault(name, "1")
+    _make_streams_writable()
+
+
+def _make_streams_writable() -> None:
+    """Let every text be written: also to a stream that the caller closed, which Python replaces by None, and
+    with characters that the stream's encoding lacks.
+    """
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - it lives as long as the process
+        elif isinstance(stream, TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
 
 
 app.command("linearize", help=linearize.HELP)(linearize.linearize)

@@ -115,11 +115,13 @@ def own_package() -> Check:
 
 
 def numba_cache() -> Check:
-    """Where numba keeps compiled kernels: beside the sources, else in NUMBA_CACHE_DIR or the user's cache."""
+    """Where numba keeps compiled kernels: the first of NUMBA_CACHE_DIR, beside the sources and the user's cache
+    that can be written to. Without any it refuses to load the kernels.
+    """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     beside = Path(__file__).resolve().parents[2] / "pipelines"
     user = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    candidates = [Path(chosen)] if chosen else [beside, user]
+    candidates = [*([Path(chosen)] if chosen else []), beside, user]
     for directory in candidates:
         if can_write(existing_ancestor(directory)):
             return Check("numba cache", True, str(directory))
@@ -127,7 +129,7 @@ def numba_cache() -> Check:
         "numba cache",
         False,
         f"not writable: {', '.join(map(str, candidates))}",
-        "set NUMBA_CACHE_DIR to a writable directory, or every run compiles the kernels again",
+        "set NUMBA_CACHE_DIR to a writable directory: no kernel can be loaded otherwise",
     )
 
 

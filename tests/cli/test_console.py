@@ -19,6 +19,8 @@ from agfb_cli.interruption import Interruption, resume_command
 from agfb_cli.progress import ProgressReporter, describe, duration
 from pipelines.stages.results import Progress
 
+ROOT = Path(__file__).resolve().parents[2]
+
 
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
@@ -69,6 +71,20 @@ def test_json_refuses_numbers_that_json_does_not_have() -> None:
 def test_json_data_can_be_read_back(capsys: pytest.CaptureFixture[str]) -> None:
     Console(json=True).json_data({"speed": 1.0778, "unit": "Ω"})
     assert json.loads(capsys.readouterr().out) == {"speed": 1.0778, "unit": "Ω"}
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_closed_streams_and_foreign_encodings_are_no_error(closed: str, tmp_path: Path) -> None:
+    (tmp_path / "größe.toml").write_text((ROOT / "configs" / "smoke.toml").read_text())
+    command = f"{shlex.quote(sys.executable)} -m agfb_cli validate größe.toml"
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "ascii:strict"}
+    for words in (command, f"{command} --json", f"{command} {closed}"):
+        done = subprocess.run(
+            ["sh", "-c", words], cwd=tmp_path, env=environment, capture_output=True, check=False
+        )
+        assert (done.returncode, done.stderr) == (0, b"")
+        if "--json" in words:
+            assert json.loads(done.stdout)[0]["file"] == "größe.toml"
 
 
 def test_table_aligns_columns() -> None:

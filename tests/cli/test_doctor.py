@@ -46,6 +46,9 @@ def test_a_cache_that_cannot_be_written_is_seen(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "new"))
     assert doctor.numba_cache().ok
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/proc/self/fdinfo")
+    # numba goes on to the next place
+    assert doctor.numba_cache().found == str(Path(doctor.__file__).parents[2] / "pipelines")
+    monkeypatch.setattr(doctor, "can_write", lambda directory: False)
     assert not doctor.numba_cache().ok
 
 
