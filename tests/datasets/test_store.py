@@ -108,7 +108,6 @@ def _configured(tmp_path: Path, *overrides: str) -> dict[str, Any]:
     return provenance(read_cases(text, "smoke.toml", overrides), ["agfb", "run"])
 
 
-@pytest.mark.skipif(not (CONFIGS / "smoke.toml").exists(), reason="needs configs/smoke.toml")
 def test_another_configuration_is_refused_and_told_apart(tmp_path: Path) -> None:
     given = _configured(tmp_path)
     create_store(tmp_path / "store", {case: {} for case in given["configuration"]}, given)
