@@ -115,8 +115,8 @@ def own_package() -> Check:
 
 
 def numba_cache() -> Check:
-    """Where numba keeps compiled kernels: the first of NUMBA_CACHE_DIR, beside the sources and the user's cache
-    that can be written to. Without any it refuses to load the kernels.
+    """Where numba keeps compiled kernels: in the first of NUMBA_CACHE_DIR, the folder of the sources and the
+    user's cache that can be written to. Without any it refuses to load the kernels.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     beside = Path(__file__).resolve().parents[2] / "pipelines"
