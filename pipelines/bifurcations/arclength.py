@@ -46,6 +46,7 @@ from pipelines.orbits.system import Matrix, Vector
 _STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
 _UNEXPLAINED = "the number of unstable multipliers changes without an event to explain it"
 _CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
+_SAME = 0.01  # distance within which two points are one, in units of the step: far above corrector errors
 
 
 class BranchStop(Enum):
@@ -74,6 +75,9 @@ class ContinuationOptions:
     ``maximum_step``: arclength; ``max_points``; ``target_iterations``: Newton iterations at which the step is
     kept; ``minimum_cosine``: smallest cosine between neighbouring tangents; ``parameter_scale``: parameter
     change that counts as one; ``detection``: of bifurcations.  Raises ValueError for values out of order.
+
+    ``maximum_step`` must be below the width of the narrowest tongue that matters: a multiplier that leaves
+    the unit circle and returns within one step leaves no trace in the spectra at the ends of the step.
     """
 
     range: tuple[float, float]
@@ -174,7 +178,9 @@ class BranchPoint:
     """One accepted cycle: ``cycle`` holds state, period, orbit samples, multipliers and their residuals.
 
     ``residual_norms`` and ``update_norms``: history of the corrector; ``unlocated``: events that were
-    detected in the step to this point but could not be located even with the smallest step.
+    detected in the step to this point but could not be located even with the smallest step; ``unexplained``:
+    the events of that smallest step, located or not, do not account for the change of its unstable count, so
+    some are missing.
     """
 
     cycle: Cycle
@@ -182,6 +188,7 @@ class BranchPoint:
     residual_norms: tuple[float, ...]
     update_norms: tuple[float, ...]
     unlocated: tuple[EventKind, ...] = ()
+    unexplained: bool = False
 
     @property
     def iterations(self) -> int:
@@ -215,7 +222,8 @@ def continue_branch(
     point and this one; ``state`` is all that is needed to restart after it.  ``limit(point)`` returns a
     sentence when the point must not be accepted (journal touches the foil), which ends the branch before it.
     ``should_stop()`` is asked after each recorded point.  The last point lies exactly on the end of the
-    range.  Raises ValueError when the start lies outside the range; every other failure is a BranchResult.
+    range, and that of a closed branch on its first point.  Raises ValueError when the start lies outside the
+    range; every other failure is a BranchResult.
     """
     metric = metric_of(problem, options.parameter_scale)
     if isinstance(start, BranchState):
@@ -228,7 +236,7 @@ def continue_branch(
         if limit is not None and (message := limit(point)) is not None:
             return BranchResult(BranchStop.LIMIT, None, message)
         record(point, state, ())
-    while (stop := _stop_reason(state, options)) is None:
+    while (stop := _stop_reason(state, options, metric)) is None:
         if should_stop is not None and should_stop():
             return BranchResult(BranchStop.INTERRUPTED, state)
         step = _attempt(problem, state, options, metric)
@@ -239,11 +247,8 @@ def continue_branch(
             continue
         if limit is not None and (message := limit(step.point)) is not None:
             return BranchResult(BranchStop.LIMIT, state, message)
-        closed = _closes(state, step.segment)
         state = _advance(problem, state, step, options)
         record(step.point, state, step.events)
-        if closed:
-            return BranchResult(BranchStop.CLOSED, state)
     return BranchResult(stop, state)
 
 
@@ -306,10 +311,13 @@ def _open_branch(
         start_period=at.period,
         start_parameter=at.parameter,
     )
-    return _point(problem, correction, cycle), state
+    return _point(problem, correction, cycle, _Found()), state
 
 
-def _stop_reason(state: BranchState, options: ContinuationOptions) -> BranchStop | None:
+def _stop_reason(state: BranchState, options: ContinuationOptions, metric: Metric) -> BranchStop | None:
+    """Why nothing follows a state; told by the state alone, so that a restart from it ends at once."""
+    if _returned(state, state.unknowns, metric):
+        return BranchStop.CLOSED
     low, high = options.range
     outward_high = state.parameter >= high and state.tangent_parameter > 0.0
     outward_low = state.parameter <= low and state.tangent_parameter < 0.0
@@ -324,6 +332,35 @@ def _attempt(
     """One step: predict, correct, test, locate.  Rejected means that the step is too long."""
     reference = reference_of(problem, state.unknowns, state.steps)
     correction = _predict_and_correct(problem, state, options, metric, reference)
+    segment = _segment(problem, state, options, metric, correction, reference)
+    if isinstance(segment, _Rejected):
+        return segment
+    if _passes_start(state, segment):
+        landing = _land_on_start(segment, state, correction)
+        if landing.cycle is not None and _returned(state, landing.cycle.unknowns, metric):
+            correction = landing
+            segment = _segment(problem, state, options, metric, landing, reference)
+            if isinstance(segment, _Rejected):
+                return segment
+    found = _events(segment, options.detection, accept_anyway=_is_shortest(state, options))
+    if isinstance(found, _Rejected):
+        return found
+    return _Step(_point(problem, correction, segment.end, found), segment, found.located)
+
+
+def _is_shortest(state: BranchState, options: ContinuationOptions) -> bool:
+    return 0.5 * state.step < options.minimum_step
+
+
+def _segment(
+    problem: CycleProblem,
+    state: BranchState,
+    options: ContinuationOptions,
+    metric: Metric,
+    correction: Correction,
+    reference: PhaseReference | None,
+) -> Segment | _Rejected:
+    """The piece of branch from a state to a corrected cycle, unless it is too long to be one piece."""
     cycle = correction.cycle
     if cycle is None:
         return _Rejected(correction.stop.advice)
@@ -334,10 +371,10 @@ def _attempt(
     if tangent is None:
         return _Rejected("the tangent is singular")
     tangent = tangent.scaled(1.0 / metric.norm(tangent))
-    shortest = 0.5 * state.step < options.minimum_step
-    if metric.inner(tangent, state.tangent) < options.minimum_cosine and not shortest:
+    bends = metric.inner(tangent, state.tangent) < options.minimum_cosine
+    if bends and not _is_shortest(state, options):
         return _Rejected("the branch bends too much within the step")
-    segment = Segment(
+    return Segment(
         problem,
         metric,
         state.unknowns,
@@ -348,11 +385,6 @@ def _attempt(
         state.basis,
         reference,
     )
-    located = _events(segment, options.detection, accept_anyway=shortest)
-    if isinstance(located, _Rejected):
-        return located
-    events, unlocated = located
-    return _Step(_point(problem, correction, cycle, unlocated), segment, events)
 
 
 def _predict_and_correct(
@@ -387,13 +419,19 @@ def _predict_and_correct(
         grown = problem.period_map.samples * int(_STEP_GROWTH * needed / problem.period_map.samples + 1)
         guess = correction.cycle.unknowns
         again = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
-        # one history: the step length must follow the whole effort, not that of the last touch
-        return replace(
-            again,
-            residual_norms=correction.residual_norms + again.residual_norms,
-            update_norms=correction.update_norms + again.update_norms,
-        )
+        return _one_history(correction, again)
     return correction
+
+
+def _one_history(first: Correction, second: Correction) -> Correction:
+    """The second correction with the history of both: the step length must follow the whole effort, not that
+    of the last touch.
+    """
+    return replace(
+        second,
+        residual_norms=first.residual_norms + second.residual_norms,
+        update_norms=first.update_norms + second.update_norms,
+    )
 
 
 def _bound_passed(parameter: float, interval: tuple[float, float]) -> float | None:
@@ -402,17 +440,26 @@ def _bound_passed(parameter: float, interval: tuple[float, float]) -> float | No
     return interval[0] if parameter < interval[0] else None
 
 
-def _events(
-    segment: Segment, options: DetectionOptions, accept_anyway: bool
-) -> tuple[tuple[Event, ...], tuple[EventKind, ...]] | _Rejected:
-    """The located events in order along the segment, and those that could not be located."""
+@dataclass(frozen=True)
+class _Found:
+    """Events of a segment: located, in order along it; detected only; and whether some must be missing."""
+
+    located: tuple[Event, ...] = ()
+    unlocated: tuple[EventKind, ...] = ()
+    unexplained: bool = False
+
+
+def _events(segment: Segment, options: DetectionOptions, accept_anyway: bool) -> _Found | _Rejected:
+    """Detect and locate the events of a segment.  Rejected means that it must be shorter to tell them
+    apart.
+    """
     autonomous = segment.problem.period_map.autonomous
     before = evaluate_tests(segment.start_multipliers, autonomous)
     after = evaluate_tests(segment.end.spectrum.multipliers, autonomous)
     turned = segment.start_tangent.parameter * segment.end_tangent.parameter < 0.0
     kinds = tuple(kind for kind in detect(before, after, turned) if kind in options.kinds)
-    strict = len(options.kinds) == len(EventKind) and not accept_anyway
-    if strict and not explains(before, after, kinds):
+    complete = len(options.kinds) == len(EventKind)
+    if complete and not accept_anyway and not explains(before, after, kinds):
         return _Rejected(_UNEXPLAINED)
     events: list[Event] = []
     unlocated: list[EventKind] = []
@@ -424,27 +471,54 @@ def _events(
             if not accept_anyway:
                 return _Rejected(outcome.value)
             unlocated.append(kind)
-    if strict and not explains(before, after, tuple(event.kind for event in events), confirmed=True):
+    confirmed = (*(event.kind for event in events), *unlocated)
+    unexplained = complete and not explains(before, after, confirmed, confirmed=True)
+    if unexplained and not accept_anyway:
         return _Rejected(_UNEXPLAINED)
-    return tuple(sorted(events, key=lambda event: event.fraction)), tuple(unlocated)
+    return _Found(tuple(sorted(events, key=lambda event: event.fraction)), tuple(unlocated), unexplained)
 
 
-def _point(
-    problem: CycleProblem, correction: Correction, cycle: Cycle, unlocated: tuple[EventKind, ...] = ()
-) -> BranchPoint:
-    unstable = unstable_count(cycle.spectrum.multipliers, problem.period_map.autonomous)
-    return BranchPoint(cycle, unstable, correction.residual_norms, correction.update_norms, unlocated)
+def _point(problem: CycleProblem, correction: Correction, cycle: Cycle, found: _Found) -> BranchPoint:
+    return BranchPoint(
+        cycle,
+        unstable_count(cycle.spectrum.multipliers, problem.period_map.autonomous),
+        correction.residual_norms,
+        correction.update_norms,
+        found.unlocated,
+        found.unexplained,
+    )
 
 
-def _closes(state: BranchState, segment: Segment) -> bool:
-    """Whether the segment passes through the first point of the branch, which it has left before."""
+def _passes_start(state: BranchState, segment: Segment) -> bool:
+    """Whether the segment passes through, or stops just before, the first point of the branch, which it has
+    left before.
+    """
     if state.arclength <= 2.0 * segment.length:
         return False
     offset = state.start.minus(segment.start)
     fraction = segment.metric.inner(offset, segment.chord) / segment.length**2
-    if not 0.0 < fraction <= 1.0:
+    # what is left to the first point beyond the segment would make a needlessly short step
+    if not 0.0 < fraction <= 1.0 + _CLOSED:
         return False
     return segment.metric.norm(state.start.minus(segment.guess(fraction))) <= _CLOSED * segment.length
+
+
+def _land_on_start(segment: Segment, state: BranchState, correction: Correction) -> Correction:
+    """The cycle in the plane through the first point across the segment, with the history of the one that
+    led there.
+    """
+    row = segment.metric.row(segment.chord)
+    constraint = Constraint(row, row.dot(state.start))
+    landing = correct(
+        segment.problem, state.start, constraint, segment.basis, segment.end.steps, segment.reference
+    )
+    return _one_history(correction, landing)
+
+
+def _returned(state: BranchState, at: Unknowns, metric: Metric) -> bool:
+    """Whether ``at`` is the first point again."""
+    left = state.arclength > 2.0 * state.step
+    return left and metric.norm(at.minus(state.start)) <= _SAME * state.step
 
 
 def _advance(

@@ -115,12 +115,43 @@ def test_closed_curve_is_recognised(direction: int) -> None:
     events = [event for row in rows for event in row[2]]
     assert [event.kind for event in events] == [EventKind.FOLD, EventKind.FOLD]
     assert events[0].parameters[1] == pytest.approx(-events[1].parameters[1], abs=1e-7)
-    assert rows[-1][1].arclength == pytest.approx(2.0 * math.pi, rel=0.03)
+    # the last point is the first again, so the chords go round once: the averaged circle is 0.2 % too small
+    assert np.allclose(rows[-1][1].state, rows[0][1].state, rtol=0, atol=1e-9)
+    assert rows[-1][1].parameter == pytest.approx(0.0, abs=1e-9)
+    assert rows[-1][1].arclength == pytest.approx(2.0 * math.pi, rel=0.005)
     # a loop followed from the middle of itself through a restart closes at the same point
     middle = rows[len(rows) // 2][1]
     restarted, rest = run(isola(), BranchState.from_arrays(middle.arrays()), options)
     assert restarted.stop is BranchStop.CLOSED
     assert rest[-1][1].index == rows[-1][1].index
+
+
+@pytest.mark.parametrize("step", [0.02, 0.07, 0.1])
+@pytest.mark.parametrize("level", [0.0, 0.6, -0.95])
+def test_closed_curve_stays_closed_after_a_restart(step: float, level: float) -> None:
+    """The last state alone tells that the branch is complete, wherever it began; the state before it does
+    not.
+    """
+    options = ContinuationOptions((-2.0, 2.0), step=step, maximum_step=0.1, max_points=300)
+    result, rows = run(isola(), BranchStart(np.array([math.sqrt(1.0 - level**2)]), level), options)
+    assert result.stop is BranchStop.CLOSED
+    lengths = np.diff([row[1].arclength for row in rows])
+    assert 0.04 * lengths[-2] < lengths[-1] < 1.06 * lengths[-2]
+    again, more = run(isola(), BranchState.from_arrays(rows[-1][1].arrays()), options)
+    assert again.stop is BranchStop.CLOSED
+    assert more == []
+    last, one = run(isola(), BranchState.from_arrays(rows[-2][1].arrays()), options)
+    assert last.stop is BranchStop.CLOSED
+    assert [row[1].index for row in one] == [rows[-1][1].index]
+
+
+def test_first_step_onto_a_near_end_of_the_range_is_no_closed_curve() -> None:
+    """The last point is within the tolerance of the first without having left it."""
+    first = run(duffing_problem(), START, ContinuationOptions((0.4, 2.0), max_points=1))[1][0][1]
+    start = BranchStart(first.state, 0.5)
+    result, rows = run(duffing_problem(), start, ContinuationOptions((0.4, 0.5 + 1e-7), step=0.05))
+    assert result.stop is BranchStop.RANGE
+    assert len(rows) == 2
 
 
 def cluster_problem() -> CycleProblem:

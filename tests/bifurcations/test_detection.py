@@ -244,18 +244,21 @@ def rotation(decay: float, frequency: float) -> np.ndarray:
     return np.array([[decay, -frequency], [frequency, decay]])
 
 
-def test_two_pairs_leaving_in_one_step_are_both_found() -> None:
-    """Pairs that become unstable 0.004 apart, with steps of 0.1: the unexplained jump by four shortens the
-    step.
-    """
+def two_growing_pairs() -> DynamicalSystem:
+    """Pairs with the angular rates 0.7 and 1.3 that become unstable at growth = 0 and 0.004."""
 
     def matrix(p):  # type: ignore[no-untyped-def]
         out = np.zeros((4, 4))
         out[:2, :2], out[2:, 2:] = rotation(p[1], 0.7), rotation(p[1] - 0.004, 1.3)
         return out
 
+    return linear_forced(matrix, ("omega", "growth"))
+
+
+def test_two_pairs_leaving_in_one_step_are_both_found() -> None:
+    """Steps of 0.1 jump over both: the unexplained change by four shortens the step."""
     points, events = trace(
-        linear_forced(matrix, ("omega", "growth")),
+        two_growing_pairs(),
         [2.0, 0.0],
         "growth",
         [0, 0, 0, 0],
@@ -271,6 +274,28 @@ def test_two_pairs_leaving_in_one_step_are_both_found() -> None:
     assert np.allclose([event.angle for event in events], folded, rtol=0, atol=1e-8)
     assert np.allclose([event.transversality for event in events], period, rtol=1e-3)
     assert points[-1].unstable == 4
+    assert not any(point.unexplained for point in points)
+
+
+def test_smallest_step_over_two_events_is_marked() -> None:
+    """A step that may not become short enough to part the two pairs is accepted and says so."""
+    points, events = trace(
+        two_growing_pairs(),
+        [2.0, 0.0],
+        "growth",
+        [0, 0, 0, 0],
+        (-0.25, 0.25),
+        step=0.1,
+        maximum_step=0.1,
+        minimum_step=0.09,
+    )
+    assert events == []
+    counts = [point.unstable for point in points]
+    assert sorted(set(counts)) == [0, 4]
+    assert [point.unexplained for point in points] == [
+        index == counts.index(4) for index in range(len(points))
+    ]
+    assert all(point.unlocated == () for point in points)
 
 
 def test_neutral_saddle_on_a_branch_is_not_reported() -> None:
