@@ -384,6 +384,13 @@ CYCLES = GroupSpec(
             "foil displacement over clearance, ring included",
         ),
         _real("film_thickness", "point snapshot bearing theta", "film thickness over clearance"),
+        _flag(
+            "unexplained",
+            "point",
+            "stability changes in the step to this point that no event accounts for",
+            "no",
+            "yes",
+        ),
         _count("newton_iterations", "point", "Newton-Picard iterations"),
         _real("newton_history", "point iteration", "residual norm before each iteration", padded=True),
         _count("steps_per_period", "point", "time steps of one period"),

@@ -8,14 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pipelines.bifurcations.arclength import (
-    BranchPoint,
-    BranchResult,
-    BranchStart,
-    BranchState,
-    BranchStop,
-    continue_branch,
-)
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import BranchPoint, BranchResult, BranchStart, BranchState, BranchStop
 from pipelines.bifurcations.detection import Event
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
@@ -100,6 +94,7 @@ def _follow(
         message = (
             f"{table.parameter} {state.parameter:.5g}, largest multiplier {abs(state.multipliers[0]):.4f}"
         )
+        message += f", {state.steps} steps per period"
         message += "".join(f", {event.kind.name.lower().replace('_', ' ')}" for event in events)
         report(Progress("continue-cycles", case.case_id, state.index + 1, table.max_points, message))
 

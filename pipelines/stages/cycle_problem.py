@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.bifurcations.arclength import (
-    ContinuationOptions,
-)
+from pipelines.bifurcations.branch import ContinuationOptions
 from pipelines.bifurcations.detection import DetectionOptions
 from pipelines.case.models import PARAMETERS, Case
 from pipelines.machine import film

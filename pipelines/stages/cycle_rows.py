@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.bifurcations.arclength import BranchPoint, BranchState
+from pipelines.bifurcations.branch import BranchPoint, BranchState
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.case.models import PARAMETERS, Case
 from pipelines.datasets.records import Branch, Resume
@@ -116,6 +116,7 @@ def point_row(point: BranchPoint, state: BranchState, shape: CycleShape) -> dict
         "multiplier_residual": spectrum.residuals,
         "multiplier_count": len(spectrum.multipliers),
         "unstable_count": point.unstable,
+        "unexplained": np.int8(point.unexplained),
         "orbit": shape.orbit,
         "orbit_minimum": shape.minimum,
         "orbit_maximum": shape.maximum,

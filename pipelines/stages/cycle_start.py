@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.bifurcations.arclength import (
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import (
     BranchPoint,
     BranchStart,
     BranchState,
     BranchStop,
     ContinuationOptions,
     Limit,
-    continue_branch,
 )
 from pipelines.bifurcations.detection import DetectionOptions, Event
 from pipelines.case.models import Case

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.bifurcations.arclength import BranchPoint, BranchStart, BranchState, continue_branch
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchState
 from pipelines.bifurcations.detection import DetectionOptions, Event
 from pipelines.case.models import Case
 from pipelines.machine.assembly import build_machine

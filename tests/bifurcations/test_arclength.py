@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.arclength import (
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import (
     BranchPoint,
     BranchResult,
     BranchStart,
     BranchState,
     BranchStop,
     ContinuationOptions,
-    continue_branch,
 )
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.orbits.floquet import BasisOptions

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipelines.bifurcations.arclength import BranchPoint, BranchStart, ContinuationOptions, continue_branch
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import BranchPoint, BranchStart, ContinuationOptions
 from pipelines.bifurcations.detection import (
     DetectionOptions,
     Event,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.arclength import BranchPoint
+from pipelines.bifurcations.branch import BranchPoint
 from pipelines.case.models import Case
 from pipelines.machine.assembly import build_machine
 from pipelines.stages.cycle_problem import cycle_problem

@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.arclength import (
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import (
     BranchPoint,
     BranchResult,
     BranchStart,
     BranchState,
     BranchStop,
     ContinuationOptions,
-    continue_branch,
 )
 from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind, unstable_count
 from pipelines.case.models import PARAMETERS, Case

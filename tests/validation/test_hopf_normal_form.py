@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from pipelines.bifurcations.arclength import BranchStart, BranchStop, ContinuationOptions, continue_branch
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import BranchStart, BranchStop, ContinuationOptions
 from pipelines.bifurcations.detection import EventKind
 from pipelines.orbits.hopf_start import start_at_hopf
 from pipelines.orbits.period_map import Formulation, PeriodMap

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.arclength import BranchStart, BranchStop, ContinuationOptions, continue_branch
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import BranchStart, BranchStop, ContinuationOptions
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions

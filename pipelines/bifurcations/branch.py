@@ -1,0 +1,174 @@
+"""What a branch of cycles is made of: its start, how to walk along it, its points, its state, its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind
+from pipelines.orbits.floquet import Complex
+from pipelines.orbits.shooting import Cycle, Unknowns
+from pipelines.orbits.system import Matrix, Vector
+
+
+class BranchStop(Enum):
+    """Why a branch ended, with what to do about it."""
+
+    RANGE = "the end of the parameter range is reached: widen the range to go on"
+    CLOSED = "the branch closed on its first point: nothing more to compute"
+    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
+    MINIMUM_STEP = (
+        "the step fell below its minimum: lower minimum_step, tighten the grid or allow more iterations"
+    )
+    LIMIT = "a limit set by the caller is reached"
+    INTERRUPTED = "stopped on request after a complete point: start again to go on"
+    START_FAILED = "the first cycle did not converge: start at another parameter or from a better guess"
+
+    @property
+    def advice(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True)
+class ContinuationOptions:
+    """How to walk along a branch.
+
+    ``range``: parameter interval; ``direction``: +1 up, -1 down; ``step``, ``minimum_step``,
+    ``maximum_step``: arclength; ``max_points``; ``target_iterations``: Newton iterations at which the step is
+    kept; ``minimum_cosine``: smallest cosine between neighbouring tangents; ``parameter_scale``: parameter
+    change that counts as one; ``detection``: of bifurcations.  Raises ValueError for values out of order.
+
+    ``maximum_step`` must be below the width of the narrowest tongue that matters: a multiplier that leaves
+    the unit circle and returns within one step leaves no trace in the spectra at the ends of the step.
+    """
+
+    range: tuple[float, float]
+    direction: int = 1
+    step: float = 0.02
+    minimum_step: float = 1e-5
+    maximum_step: float = 0.05
+    max_points: int = 200
+    target_iterations: int = 4
+    minimum_cosine: float = 0.8
+    parameter_scale: float = 1.0
+    detection: DetectionOptions = field(default_factory=DetectionOptions)
+
+    def __post_init__(self) -> None:
+        if not self.range[0] < self.range[1]:
+            raise ValueError(f"range is {self.range}; its first value must be below its second")
+        if self.direction not in (-1, 1):
+            raise ValueError(f"direction is {self.direction}; it must be 1 (up) or -1 (down)")
+        if not 0.0 < self.minimum_step <= self.step <= self.maximum_step:
+            raise ValueError(
+                f"minimum_step {self.minimum_step}, step {self.step}, maximum_step {self.maximum_step}; "
+                "they must be positive and in this order"
+            )
+        if self.max_points < 1 or self.target_iterations < 1:
+            raise ValueError("max_points and target_iterations must be at least 1")
+        if not -1.0 <= self.minimum_cosine < 1.0:
+            raise ValueError(f"minimum_cosine is {self.minimum_cosine}; it must lie in [-1, 1)")
+        if not self.parameter_scale > 0.0:
+            raise ValueError(f"parameter_scale is {self.parameter_scale}; it must be positive")
+
+
+@dataclass(frozen=True)
+class BranchStart:
+    """A guess for the first cycle: ``state`` (N,), the parameter, and the period when it is unknown."""
+
+    state: Vector
+    parameter: float
+    period: float = 0.0
+
+
+@dataclass(frozen=True)
+class BranchState:
+    """Everything the next step depends on, as plain arrays and numbers.
+
+    A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``,
+    ``start_state`` (N,), ``basis`` (N, k), ``multipliers`` (m,) complex; ``index`` counts the recorded points
+    from zero; ``step`` is the next arclength step; ``steps`` are per period; ``start_*`` is the first point,
+    for closed curves.
+    """
+
+    index: int
+    state: Vector
+    period: float
+    parameter: float
+    tangent_state: Vector
+    tangent_period: float
+    tangent_parameter: float
+    step: float
+    arclength: float
+    steps: int
+    basis: Matrix
+    multipliers: Complex
+    start_state: Vector
+    start_period: float
+    start_parameter: float
+
+    @property
+    def unknowns(self) -> Unknowns:
+        return Unknowns(self.state, self.period, self.parameter)
+
+    @property
+    def tangent(self) -> Unknowns:
+        return Unknowns(self.tangent_state, self.tangent_period, self.tangent_parameter)
+
+    @property
+    def start(self) -> Unknowns:
+        return Unknowns(self.start_state, self.start_period, self.start_parameter)
+
+    def arrays(self) -> dict[str, Any]:
+        """Field name to array or number."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, Any]) -> BranchState:
+        """The inverse of ``arrays``; arrays are copied into C order, on which the bits of a product
+        depend.
+        """
+        kinds = {"index": int, "steps": int}
+        values: dict[str, Any] = {
+            name: np.array(value, order="C") if np.ndim(value) else kinds.get(name, float)(value)
+            for name, value in arrays.items()
+        }
+        return cls(**values)
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """One accepted cycle: ``cycle`` holds state, period, orbit samples, multipliers and their residuals.
+
+    ``residual_norms`` and ``update_norms``: history of the corrector; ``unlocated``: events that were
+    detected in the step to this point but could not be located even with the smallest step; ``unexplained``:
+    the events of that smallest step, located or not, do not account for the change of its unstable count, so
+    some are missing.
+    """
+
+    cycle: Cycle
+    unstable: int
+    residual_norms: tuple[float, ...]
+    update_norms: tuple[float, ...]
+    unlocated: tuple[EventKind, ...] = ()
+    unexplained: bool = False
+
+    @property
+    def iterations(self) -> int:
+        return len(self.update_norms)
+
+
+@dataclass(frozen=True)
+class BranchResult:
+    """How a branch ended; ``message`` says more when the caller's limit or a failed correction ended it."""
+
+    stop: BranchStop
+    state: BranchState | None
+    message: str = ""
+
+
+Record = Callable[[BranchPoint, BranchState, tuple[Event, ...]], None]
+Limit = Callable[[BranchPoint], str | None]
