@@ -27,7 +27,7 @@ from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
 DIRECTIONS = {"up": (1,), "down": (-1,), "both": (1, -1)}
 COMPLETE = frozenset({BranchStop.RANGE, BranchStop.CLOSED, BranchStop.MAXIMUM_POINTS, BranchStop.LIMIT})
-NO_START = "start"
+NO_START = "no_start"
 
 
 def continue_cycles(

@@ -169,7 +169,7 @@ def test_no_self_excited_whirl_is_a_result(tmp_path: Path) -> None:
     quiet = tiny_case("continue_cycles.start=0.9", "continue_cycles.range=[0.8, 1.0]", config=PASSIVE)
     result = Watched("continue_cycles", quiet, tmp_path / "a.zarr").result
     assert not result.ok
-    assert result.stop_reason == "start"
+    assert result.stop_reason == "no_start"
     assert "no self-excited whirl" in result.advice
     assert "widen the range" in result.advice
 
@@ -220,7 +220,7 @@ def test_a_rotor_too_heavy_to_float_fails_its_case(tmp_path: Path, monkeypatch: 
     assert "there is no equilibrium to start from" in messages
     assert "of the rotor's weight at this speed" in messages
     attributes = branch(tmp_path / "a.zarr").attributes
-    assert attributes["stop_reason"] == "start"
+    assert attributes["stop_reason"] == "no_start"
     assert "lighten the rotor" in attributes["stop_advice"]
 
 
