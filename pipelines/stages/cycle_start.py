@@ -65,8 +65,9 @@ def first_cycles(
     if is_self_excited(case):
         yield _small_whirl(machine, case, problem, watch)
         return
-    yield resting_start(machine, problem)
-    if problem.parameters[film.DISPLACEMENT] > 0.0:
+    resting = resting_start(machine, problem)
+    yield resting
+    if isinstance(resting, FirstCycle) and problem.parameters[film.DISPLACEMENT] > 0.0:
         yield _ramped_start(machine, case, problem, watch)
 
 

@@ -68,6 +68,14 @@ def test_forced_cycles_have_a_second_way_in() -> None:
     assert ramped.start.parameter == 1.14
 
 
+def test_what_cannot_rest_is_not_ramped_either() -> None:
+    (stiff,) = started(tiny_case("bearings.foil.loss_factor=1e-6").case)
+    assert isinstance(stiff, NoStart)
+    (heavy,) = started(tiny_case("rotor.gravity=900.0").case)
+    assert isinstance(heavy, NoStart)
+    assert "equilibrium" in heavy.reason
+
+
 def test_without_excitation_there_is_no_ramp() -> None:
     assert len(started(tiny_case("excitation.displacement=0.0").case)) == 1
 
