@@ -56,18 +56,8 @@ class Stepper:
     @cached_property
     def real_stability_interval(self) -> float:
         """The largest beta with abs(R(-x)) <= 1 for every x in [0, beta]."""
-        return self._stable_until(-1.0)
-
-    @cached_property
-    def imaginary_stability_interval(self) -> float:
-        """The largest beta with abs(R(iy)) <= 1 for every y in [0, beta]; 0 where the axis is left at
-        once.
-        """
-        return self._stable_until(1.0j)
-
-    def _stable_until(self, direction: complex) -> float:
         x = np.linspace(0.0, 4.0 * self.stages, 400_001)[1:]
-        modulus = np.abs(np.polynomial.polynomial.polyval(direction * x, self.stability_polynomial))
+        modulus = np.abs(np.polynomial.polynomial.polyval(-x, self.stability_polynomial))
         outside = np.flatnonzero(modulus > 1.0 + 1e-12)
         return float(x[outside[0] - 1]) if outside.size and outside[0] > 0 else 0.0
 

@@ -6,7 +6,6 @@ They are regressions on a coarse grid, not truths: tests/validation compares wit
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +26,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
 
 @pytest.mark.parametrize("name", sorted(json.loads(GOLDEN.read_text())))
 def test_value_is_the_frozen_one(computed: dict[str, object], name: str) -> None:
-    frozen = json.loads(Path(GOLDEN).read_text())[name]
+    frozen = json.loads(GOLDEN.read_text())[name]
     np.testing.assert_allclose(computed[name], frozen, rtol=DIFFERENCED.get(name, TOLERANCE), atol=0.0)
 
 
