@@ -144,14 +144,14 @@ def evaluate_tests(multipliers: Complex, autonomous: bool) -> BifurcationTests:
     mu = nontrivial(multipliers, autonomous)
     first, second = np.triu_indices(len(mu), k=1)
     return BifurcationTests(
-        fold=_signed_smallest(1.0 - mu),
-        period_doubling=_signed_smallest(1.0 + mu),
-        neimark_sacker=_signed_smallest(1.0 - mu[first] * mu[second]),
+        fold=signed_smallest(1.0 - mu),
+        period_doubling=signed_smallest(1.0 + mu),
+        neimark_sacker=signed_smallest(1.0 - mu[first] * mu[second]),
         unstable=int(np.sum(np.abs(mu) > 1.0)),
     )
 
 
-def _signed_smallest(factors: Complex) -> float:
+def signed_smallest(factors: Complex) -> float:
     """Sign of the product times the modulus of the smallest factor; 1 for an empty product.
 
     Complex factors come in conjugate pairs, so the product of the phases is 1 or -1.

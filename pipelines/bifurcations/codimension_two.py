@@ -1,0 +1,129 @@
+"""Special points along a curve: test functions, one number each, that change sign there and are smooth.
+
+With the critical multipliers (and the trivial one of an unknown period) removed from the spectrum, mu_i are
+the others:
+
+    R1, R2 on a Neimark-Sacker curve    1 - kappa, 1 + kappa             kappa = cos theta = (mu_1 + mu_2)/2
+    R3, R4                              kappa + 1/2, kappa
+    R1 on a fold, R2 on a flip curve    cosine between left and right null vector
+    fold-flip, fold-NS                  prod (1 - mu_i) or prod (1 + mu_i)
+    flip-NS, NS-NS                      prod_{i<j} (1 - mu_i mu_j) or prod (1 + mu_i)
+    generalised flip, cusp              b or a, times that cosine
+    Chenciner                           Re d
+
+R2 removes the pole of b, so that the cosine keeps the product finite.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pipelines.bifurcations.critical import Critical
+from pipelines.bifurcations.curve import SpecialKind
+from pipelines.bifurcations.detection import EventKind, nontrivial, signed_smallest
+from pipelines.bifurcations.normal_forms import NormalForm
+from pipelines.orbits.floquet import Complex
+from pipelines.orbits.system import Vector
+
+_REAL = 1e-6  # imaginary part, relative to the modulus, below which a multiplier is taken as real
+_CIRCLE = 1e-5  # distance from the unit circle within which a located pair counts as on it
+_END = 1e-7  # distance of kappa from 1 or -1 at which a Neimark-Sacker curve has ended
+
+
+def other_multipliers(kind: EventKind, multipliers: Complex, kappa: float, autonomous: bool) -> Complex:
+    """The multipliers without the critical ones and without the trivial one of an unknown period."""
+    rest = nontrivial(multipliers, autonomous)
+    if kind is EventKind.NEIMARK_SACKER:
+        root = np.sqrt(complex(kappa * kappa - 1.0))
+        critical = (kappa + root, kappa - root)
+    else:
+        critical = (-1.0 + 0.0j if kind is EventKind.PERIOD_DOUBLING else 1.0 + 0.0j,)
+    for value in critical:
+        rest = np.delete(rest, int(np.argmin(np.abs(rest - value))))
+    return rest
+
+
+def special_tests(
+    kind: EventKind,
+    multipliers: Complex,
+    critical: Critical,
+    coefficient: NormalForm | None,
+    curvature: float,
+    autonomous: bool,
+) -> Vector:
+    """Values (11,) in the order of ``SpecialKind``; NaN where a test does not belong to the kind of curve.
+
+    ``curvature``: p.B(q, q) times the alignment of a fold.
+    """
+    others = other_multipliers(kind, multipliers, critical.kappa, autonomous)
+    first, second = np.triu_indices(len(others), k=1)
+    folds, flips = signed_smallest(1.0 - others), signed_smallest(1.0 + others)
+    pairs = signed_smallest(1.0 - others[first] * others[second])
+    kappa = critical.kappa
+    found: dict[SpecialKind, float]
+    if kind is EventKind.NEIMARK_SACKER:
+        found = {
+            SpecialKind.R1: 1.0 - kappa,
+            SpecialKind.R2: 1.0 + kappa,
+            SpecialKind.R3: 0.5 + kappa,
+            SpecialKind.R4: kappa,
+            SpecialKind.FOLD_NEIMARK_SACKER: folds,
+            SpecialKind.FLIP_NEIMARK_SACKER: flips,
+            SpecialKind.DOUBLE_NEIMARK_SACKER: pairs,
+            SpecialKind.CHENCINER: math.nan if coefficient is None else coefficient.coefficient.real,
+        }
+    elif kind is EventKind.PERIOD_DOUBLING:
+        b = math.nan if coefficient is None else coefficient.coefficient.real * critical.alignment
+        found = {
+            SpecialKind.R2: critical.alignment,
+            SpecialKind.FOLD_FLIP: folds,
+            SpecialKind.FLIP_NEIMARK_SACKER: pairs,
+            SpecialKind.GENERALISED_FLIP: b,
+        }
+    else:
+        found = {
+            SpecialKind.R1: folds if autonomous else critical.alignment,
+            SpecialKind.FOLD_FLIP: flips,
+            SpecialKind.FOLD_NEIMARK_SACKER: pairs,
+            SpecialKind.CUSP: curvature,
+        }
+    return np.array([found.get(special, math.nan) for special in SpecialKind])
+
+
+def crossed(before: Vector, after: Vector) -> tuple[SpecialKind, ...]:
+    """Special points whose test changed sign; a test that is not defined at both ends finds nothing."""
+    return tuple(
+        special
+        for special, old, new in zip(SpecialKind, before, after, strict=True)
+        if math.isfinite(old) and math.isfinite(new) and (old < 0.0) != (new < 0.0)
+    )
+
+
+def genuine(special: SpecialKind, curve: EventKind, others: Complex, kappa: float) -> bool:
+    """Whether a located zero is the point it claims to be, not a neutral saddle.
+
+    On a Neimark-Sacker curve kappa must not have left [-1, 1]; a further pair with product one must be
+    complex.
+    """
+    if curve is EventKind.NEIMARK_SACKER and abs(kappa) > 1.0 + _END:
+        return False
+    pairs = special is SpecialKind.DOUBLE_NEIMARK_SACKER or (
+        special in (SpecialKind.FLIP_NEIMARK_SACKER, SpecialKind.FOLD_NEIMARK_SACKER)
+        and curve is not EventKind.NEIMARK_SACKER
+    )
+    if not pairs:
+        return True
+    first, second = np.triu_indices(len(others), k=1)
+    if len(first) == 0:
+        return False
+    value = others[first[np.argmin(np.abs(1.0 - others[first] * others[second]))]]
+    return bool(abs(value.imag) > _REAL * abs(value) and abs(abs(value) - 1.0) < _CIRCLE)
+
+
+def resonant_end(kind: EventKind, kappa: float) -> SpecialKind | None:
+    """R1 or R2 when a Neimark-Sacker curve has arrived there."""
+    if kind is not EventKind.NEIMARK_SACKER or abs(kappa) < 1.0 - _END:
+        return None
+    return SpecialKind.R1 if kappa > 0.0 else SpecialKind.R2

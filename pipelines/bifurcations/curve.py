@@ -1,0 +1,256 @@
+"""What a bifurcation curve is made of: its start, how to walk along it, its points, its state, its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from enum import Enum, IntEnum
+from typing import Any
+
+import numpy as np
+
+from pipelines.bifurcations.critical import Frame
+from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions
+from pipelines.bifurcations.plane import Position
+from pipelines.orbits.floquet import Complex
+from pipelines.orbits.shooting import Cycle
+from pipelines.orbits.system import Matrix, Vector
+
+
+class CurveStop(Enum):
+    """Why a curve ended, with what to do about it."""
+
+    RANGE = "the end of the range of a parameter is reached: widen the range to go on"
+    CLOSED = "the curve closed on its first point: nothing more to compute"
+    RESONANCE_1 = "the multipliers meet at 1 (R1): follow the fold curve through this point"
+    RESONANCE_2 = "the multipliers meet at -1 (R2): follow the period-doubling curve through this point"
+    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
+    MINIMUM_STEP = (
+        "the step fell below its minimum: lower minimum_step, tighten the grid, allow more iterations or use "
+        "the bordered formulation"
+    )
+    LIMIT = "a limit set by the caller is reached"
+    INTERRUPTED = "stopped on request after a complete point: start again to go on"
+    START_FAILED = "the first point did not converge: start from a better located bifurcation"
+
+    @property
+    def advice(self) -> str:
+        return self.value
+
+
+class SpecialKind(IntEnum):
+    """Points of codimension two on a curve."""
+
+    R1 = 1
+    R2 = 2
+    R3 = 3
+    R4 = 4
+    FOLD_FLIP = 5
+    FOLD_NEIMARK_SACKER = 6
+    FLIP_NEIMARK_SACKER = 7
+    DOUBLE_NEIMARK_SACKER = 8
+    GENERALISED_FLIP = 9
+    CHENCINER = 10
+    CUSP = 11
+
+
+@dataclass(frozen=True)
+class CurveOptions:
+    """How to walk along a curve.
+
+    ``ranges``: intervals of the two parameters; ``direction``: +1 or -1, initial sense of the first one;
+    ``step``, ``minimum_step``, ``maximum_step``: arclength; ``max_points``; ``target_iterations``: of the
+    corrector, at which the step is kept; ``minimum_cosine``: smallest cosine between neighbouring tangents;
+    ``parameter_scales``: changes of the parameters that count as one; ``event_tolerance``: width of the final
+    bracket of a special point along the curve; ``normal_form``: differences for the critical coefficients,
+    None to leave them out, and with them generalised period doublings and Chenciner points.
+    Raises ValueError for values out of order.
+    """
+
+    ranges: tuple[tuple[float, float], tuple[float, float]]
+    direction: int = 1
+    step: float = 0.02
+    minimum_step: float = 1e-5
+    maximum_step: float = 0.05
+    max_points: int = 400
+    target_iterations: int = 4
+    minimum_cosine: float = 0.8
+    parameter_scales: tuple[float, float] = (1.0, 1.0)
+    event_tolerance: float = 1e-11
+    normal_form: NormalFormOptions | None = field(default_factory=NormalFormOptions)
+
+    def __post_init__(self) -> None:
+        for interval in self.ranges:
+            if not interval[0] < interval[1]:
+                raise ValueError(f"a range is {interval}; its first value must be below its second")
+        if self.direction not in (-1, 1):
+            raise ValueError(f"direction is {self.direction}; it must be 1 (up) or -1 (down)")
+        if not 0.0 < self.minimum_step <= self.step <= self.maximum_step:
+            raise ValueError(
+                f"minimum_step {self.minimum_step}, step {self.step}, maximum_step {self.maximum_step}; "
+                "they must be positive and in this order"
+            )
+        if self.max_points < 1 or self.target_iterations < 1:
+            raise ValueError("max_points and target_iterations must be at least 1")
+        if not -1.0 <= self.minimum_cosine < 1.0:
+            raise ValueError(f"minimum_cosine is {self.minimum_cosine}; it must lie in [-1, 1)")
+        if not (min(self.parameter_scales) > 0.0 and self.event_tolerance > 0.0):
+            raise ValueError("parameter_scales and event_tolerance must be positive")
+
+
+@dataclass(frozen=True)
+class CurveStart:
+    """A guess for the first point: ``state`` (N,), the two parameters, the period when it is unknown and,
+    for a Neimark-Sacker point, the ``angle`` of its multipliers (default: of the pair nearest to the circle).
+    """
+
+    state: Vector
+    parameters: tuple[float, float]
+    period: float = 0.0
+    angle: float | None = None
+
+
+@dataclass(frozen=True)
+class CurveState:
+    """Everything the next step depends on, as plain arrays and numbers.
+
+    A curve restarted from a copy of it continues with the same bits.  ``state``, the ``tangent_*``, the
+    ``normal_*`` (the second tangent of the surface of cycles, across the curve) and the ``gradient_*`` (row
+    of the test function) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``,
+    ``left_phase``, ``kappa``: the frame of the test function; ``tests`` (11,): values of the special test
+    functions in the order of ``SpecialKind``; ``step`` is the next arclength step; ``start_*``: the first
+    point.
+    """
+
+    index: int
+    state: Vector
+    period: float
+    parameters: Vector
+    tangent_state: Vector
+    tangent_period: float
+    tangent_parameters: Vector
+    normal_state: Vector
+    normal_period: float
+    normal_parameters: Vector
+    gradient_state: Vector
+    gradient_period: float
+    gradient_parameters: Vector
+    right: Vector
+    left: Vector
+    right_period: float
+    left_phase: float
+    kappa: float
+    tests: Vector
+    step: float
+    arclength: float
+    steps: int
+    basis: Matrix
+    start_state: Vector
+    start_period: float
+    start_parameters: Vector
+
+    @property
+    def position(self) -> Position:
+        return Position(self.state, self.period, self.parameters)
+
+    @property
+    def tangent(self) -> Position:
+        return Position(self.tangent_state, self.tangent_period, self.tangent_parameters)
+
+    @property
+    def normal(self) -> Position:
+        return Position(self.normal_state, self.normal_period, self.normal_parameters)
+
+    @property
+    def gradient(self) -> Position:
+        return Position(self.gradient_state, self.gradient_period, self.gradient_parameters)
+
+    @property
+    def start(self) -> Position:
+        return Position(self.start_state, self.start_period, self.start_parameters)
+
+    @property
+    def frame(self) -> Frame:
+        return Frame(self.right, self.left, self.right_period, self.left_phase, self.kappa)
+
+    def arrays(self) -> dict[str, Any]:
+        """Field name to array or number."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, Any]) -> CurveState:
+        """The inverse of ``arrays``; arrays are copied into C order, on which the bits of a product
+        depend.
+        """
+        kinds = {"index": int, "steps": int}
+        values: dict[str, Any] = {
+            name: np.array(value, order="C") if np.ndim(value) else kinds.get(name, float)(value)
+            for name, value in arrays.items()
+        }
+        return cls(**values)
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """One accepted point of a curve.
+
+    ``cycle``: state, period, orbit, multipliers (its continued parameter is the first of the two);
+    ``parameters`` (2,): both free ones; ``kappa``: cos of the critical angle; ``alignment``: cosine between
+    left and right null vector; ``right`` (N, m): critical vectors; ``normal_form``: None when not asked for
+    or not defined; ``residual_norms`` and ``test_values``: history of the corrector; ``unlocated``: special
+    points that were detected in the step to this point but could not be located.
+    """
+
+    kind: EventKind
+    cycle: Cycle
+    parameters: Vector
+    kappa: float
+    alignment: float
+    right: Matrix
+    normal_form: NormalForm | None
+    residual_norms: tuple[float, ...]
+    test_values: tuple[float, ...]
+    unlocated: tuple[SpecialKind, ...] = ()
+
+    @property
+    def angle(self) -> float:
+        """Argument of the critical multiplier in [0, pi]."""
+        return float(np.arccos(min(1.0, max(-1.0, self.kappa))))
+
+    @property
+    def iterations(self) -> int:
+        return max(0, len(self.residual_norms) - 1)
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """A located point of codimension two.
+
+    ``parameters`` (p,): all of them; ``state`` (N,), ``period``, ``multipliers`` (k,) by falling modulus,
+    ``kappa`` = cos of the critical angle, ``residual``: value of the test function; ``fraction``: position
+    in the step of the curve.
+    """
+
+    kind: SpecialKind
+    parameters: Vector
+    state: Vector
+    period: float
+    multipliers: Complex
+    kappa: float
+    residual: float
+    fraction: float
+    steps: int
+
+
+@dataclass(frozen=True)
+class CurveResult:
+    """How a curve ended; ``message`` says more when a limit, a range or a failed correction ended it."""
+
+    stop: CurveStop
+    state: CurveState | None
+    message: str = ""
+
+
+CurveRecord = Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None]
+CurveLimit = Callable[[CurvePoint], str | None]

@@ -1,0 +1,430 @@
+"""Continuation of period-doubling, Neimark-Sacker and fold curves: predict, correct, test, locate, record, adapt.
+
+On the surface of cycles over two parameters (``pipelines.bifurcations.plane``) a point follows u_0 with unit
+tangent t at distance h when, with the test function g of ``pipelines.bifurcations.critical``,
+
+    phi(s, T, lambda) - s = 0,    phase(s) = 0,    g(s, T, lambda) = 0,    <t, u - u_0> = h
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pipelines.bifurcations.codimension_two import crossed, resonant_end
+from pipelines.bifurcations.critical import Frame, critical_derivatives, critical_of, first_frame
+from pipelines.bifurcations.criticality import Closing, CriticalCycle, CurveCorrection, correct_critical
+from pipelines.bifurcations.curve import (
+    CurveLimit,
+    CurveOptions,
+    CurvePoint,
+    CurveRecord,
+    CurveResult,
+    CurveStart,
+    CurveState,
+    CurveStop,
+    SpecialKind,
+    SpecialPoint,
+)
+from pipelines.bifurcations.curve_segment import CurveEnd, CurveSegment, curve_end, locate_special
+from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.plane import (
+    CurveProblem,
+    MapAt,
+    PlaneMetric,
+    Position,
+    linearise,
+    metric_of,
+    surface_tangents,
+)
+from pipelines.orbits.floquet import adapted_basis
+from pipelines.orbits.period_map import PhaseReference
+from pipelines.orbits.shooting import correct, first_basis, needed_steps, reference_of
+from pipelines.orbits.system import Matrix
+
+_STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
+_CLOSED = 0.05  # distance of the first point from the interpolated curve, in units of the step
+_SAME = 0.01  # distance within which two points are one, in units of the step
+
+
+def continue_curve(
+    problem: CurveProblem,
+    start: CurveStart | CurveState,
+    options: CurveOptions,
+    record: CurveRecord,
+    limit: CurveLimit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> CurveResult:
+    """Trace a bifurcation curve from a guess, or go on from a recorded state.
+
+    ``record(point, state, specials)`` is called once per accepted point, with the special points between the
+    previous point and this one; ``state`` is all that is needed to restart after it.  ``limit(point)``
+    returns a sentence when the point must not be accepted, which ends the curve before it.  ``should_stop()``
+    is asked after each recorded point.  The last point lies exactly on the end of a range, on R1 or R2 of a
+    Neimark-Sacker curve, or on the first point of a closed curve.  Raises ValueError when the start lies
+    outside the ranges; every other failure is a CurveResult.
+    """
+    metric = metric_of(problem, options.parameter_scales)
+    if isinstance(start, CurveState):
+        state = start
+    else:
+        opened = _open_curve(problem, start, options, metric)
+        if isinstance(opened, CurveResult):
+            return opened
+        point, state = opened
+        if limit is not None and (message := limit(point)) is not None:
+            return CurveResult(CurveStop.LIMIT, None, message)
+        record(point, state, ())
+    while (stop := _stop_reason(problem, state, options, metric)) is None:
+        if should_stop is not None and should_stop():
+            return CurveResult(CurveStop.INTERRUPTED, state)
+        step = _attempt(problem, state, options, metric)
+        if isinstance(step, _Rejected):
+            if 0.5 * state.step < options.minimum_step:
+                return CurveResult(CurveStop.MINIMUM_STEP, state, step.message)
+            state = replace(state, step=0.5 * state.step)
+            continue
+        if limit is not None and (message := limit(step.end.point)) is not None:
+            return CurveResult(CurveStop.LIMIT, state, message)
+        state = _advance(problem, state, step, options)
+        record(step.end.point, state, step.specials)
+    return CurveResult(stop, state)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """An accepted step: its end, its length and the special points on it."""
+
+    end: CurveEnd
+    length: float
+    specials: tuple[SpecialPoint, ...]
+
+
+@dataclass(frozen=True)
+class _Rejected:
+    message: str
+
+
+def _open_curve(
+    problem: CurveProblem, start: CurveStart, options: CurveOptions, metric: PlaneMetric
+) -> tuple[CurvePoint, CurveState] | CurveResult:
+    """Correct the guess at right angles to the curve and orient the curve."""
+    for name, value, interval in zip(problem.names, start.parameters, options.ranges, strict=True):
+        if not interval[0] <= value <= interval[1]:
+            raise ValueError(f"the start {name} = {value} lies outside the range {interval}")
+    guess = problem.consistent(
+        Position(np.array(start.state, dtype=float), start.period, np.array(start.parameters, dtype=float))
+    )
+    unknowns, cycles = problem.unknowns(guess), problem.cycle_problem(guess)
+    steps = needed_steps(cycles, unknowns)
+    opened = _open_with(problem, start, options, metric, guess, first_basis(cycles, unknowns, steps), steps)
+    if isinstance(opened, CurveEnd) and (needed := _needed_steps(problem, opened)) > steps:
+        opened = _open_with(
+            problem, start, options, metric, opened.position, opened.point.cycle.basis, needed
+        )
+    if isinstance(opened, str):
+        return CurveResult(CurveStop.START_FAILED, None, opened)
+    at = opened.position
+    state = CurveState(
+        index=0,
+        step=options.step,
+        arclength=0.0,
+        start_state=at.state,
+        start_period=at.period,
+        start_parameters=at.parameters,
+        **_columns_of(problem, opened),
+    )
+    return opened.point, state
+
+
+def _open_with(
+    problem: CurveProblem,
+    start: CurveStart,
+    options: CurveOptions,
+    metric: PlaneMetric,
+    guess: Position,
+    basis: Matrix,
+    steps: int,
+) -> CurveEnd | str:
+    """The first point with the given number of steps per period, or the reason why there is none."""
+    reference = reference_of(problem.cycle_problem(guess), problem.unknowns(guess), steps)
+    if problem.kind is not EventKind.FOLD:
+        # a guess that is no cycle yet: a cycle at the same parameters first
+        cycles = problem.cycle_problem(guess)
+        constraint = cycles.fixed_parameter(float(guess.parameters[0]))
+        correction = correct(cycles, problem.unknowns(guess), constraint, basis, steps, reference)
+        if correction.cycle is not None:
+            cycle = correction.cycle
+            basis = cycle.basis
+            guess = Position(cycle.unknowns.state, cycle.unknowns.period, guess.parameters)
+    closing_frame = _first_closing(MapAt(problem, guess, steps, reference), basis, start, options, metric)
+    if isinstance(closing_frame, str):
+        return closing_frame
+    closing, frame, along = closing_frame
+    corrected = correct_critical(problem, guess, closing, basis, frame, steps, reference)
+    if corrected.point is None:
+        return corrected.stop.advice
+    end = curve_end(corrected, corrected.point, closing, along, options.normal_form)
+    return "the tangent of the first point is singular" if end is None else end
+
+
+def _first_closing(
+    at: MapAt, basis: Matrix, start: CurveStart, options: CurveOptions, metric: PlaneMetric
+) -> tuple[Closing, Frame, Position] | str:
+    """The plane across the curve at the guess, the frame there and the tangent in the wanted sense."""
+    image = at.full_pass(basis)
+    if not image.finite:
+        return "the orbit of the guess leaves the domain of the equations"
+    linear = linearise(at, basis, image)
+    frame = first_frame(linear, start.angle)
+    critical = critical_of(linear, frame)
+    if critical is None:
+        return "the guess has no critical multipliers"
+    first, second = surface_tangents(linear, metric)
+    derivatives = critical_derivatives(at, basis, critical, (first, second))
+    g1, g2 = derivatives.values
+    size = float(np.hypot(g1, g2))
+    if not size > 0.0:
+        return "the test function is stationary at the guess"
+    # dg vanishes along the curve
+    across = first.scaled(g1 / size).plus(second, g2 / size)
+    along = first.scaled(-g2 / size).plus(second, g1 / size)
+    sense = float(along.parameters[0]) * options.direction
+    if resonant_end(at.problem.kind, critical.kappa) is not None:
+        # a Neimark-Sacker curve leaves R1 and R2 inwards, where abs(kappa) < 1
+        sense = -critical.kappa * float(g1 * derivatives.traces[1] - g2 * derivatives.traces[0])
+    along = along.scaled(-1.0 if sense < 0.0 else 1.0)
+    row, beside = metric.row(along), metric.row(across)
+    return Closing(row, row.dot(at.position), beside, beside.scaled(size), metric), frame, along
+
+
+def _columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
+    """The fields of CurveState that a corrected point determines."""
+    columns: dict[str, Any] = {}
+    for name, value in (("tangent", end.tangent), ("normal", end.normal), ("gradient", end.gradient)):
+        columns[f"{name}_state"] = value.state
+        columns[f"{name}_period"] = value.period
+        columns[f"{name}_parameters"] = value.parameters
+    cycle = end.point.cycle
+    return columns | {
+        "state": end.position.state,
+        "period": end.position.period,
+        "parameters": end.position.parameters,
+        "right": end.frame.right,
+        "left": end.frame.left,
+        "right_period": end.frame.right_period,
+        "left_phase": end.frame.left_phase,
+        "kappa": end.frame.kappa,
+        "tests": end.tests,
+        "steps": cycle.steps,
+        "basis": adapted_basis(cycle.basis, cycle.image.columns, problem.options.basis),
+    }
+
+
+def _stop_reason(
+    problem: CurveProblem, state: CurveState, options: CurveOptions, metric: PlaneMetric
+) -> CurveStop | None:
+    """Why nothing follows a state; told by the state alone, so that a restart from it ends at once."""
+    if _returned(state, state.position, metric):
+        return CurveStop.CLOSED
+    if state.index > 0 and (end := resonant_end(problem.kind, state.kappa)) is not None:
+        return CurveStop.RESONANCE_1 if end is SpecialKind.R1 else CurveStop.RESONANCE_2
+    for value, slope, (low, high) in zip(
+        state.parameters, state.tangent_parameters, options.ranges, strict=True
+    ):
+        if (value >= high and slope > 0.0) or (value <= low and slope < 0.0):
+            return CurveStop.RANGE
+    return CurveStop.MAXIMUM_POINTS if state.index + 1 >= options.max_points else None
+
+
+def _attempt(
+    problem: CurveProblem, state: CurveState, options: CurveOptions, metric: PlaneMetric
+) -> _Step | _Rejected:
+    """One step: predict, correct, test, locate.  Rejected means that the step is too long."""
+    cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
+    reference = reference_of(cycles, unknowns, state.steps)
+    segment = _predict_and_correct(problem, state, options, metric, reference)
+    if isinstance(segment, _Rejected):
+        return segment
+    if _passes_start(state, segment):
+        landing = _land_on_start(segment, state, options)
+        if landing is not None and _returned(state, landing.position, metric):
+            segment = replace(segment, end=landing)
+    cosine = metric.inner(segment.end.tangent, state.tangent)
+    if cosine < options.minimum_cosine and not _is_shortest(state, options):
+        return _Rejected("the curve bends too much within the step")
+    return _with_specials(segment, state, options)
+
+
+def _is_shortest(state: CurveState, options: CurveOptions) -> bool:
+    return 0.5 * state.step < options.minimum_step
+
+
+def _predict_and_correct(
+    problem: CurveProblem,
+    state: CurveState,
+    options: CurveOptions,
+    metric: PlaneMetric,
+    reference: PhaseReference | None,
+) -> CurveSegment | _Rejected:
+    """Tangent predictor and arclength corrector; past the end of a range that parameter is fixed to it
+    instead.
+    """
+    across = metric.row(state.normal)
+    row = metric.row(state.tangent)
+    closing = Closing(row, row.dot(state.position) + state.step, across, state.gradient, metric)
+    guess = state.position.plus(state.tangent, state.step)
+    basis, frame, steps = state.basis, state.frame, state.steps
+    found: CurveCorrection | None = None
+    for _ in range(3):
+        bound = _bound_passed(guess, options)
+        if bound is not None:
+            which, value = bound
+            share = (value - state.parameters[which]) / (guess.parameters[which] - state.parameters[which])
+            guess = state.position.plus(guess.minus(state.position), float(share))
+            closing = replace(closing, row=problem.row_of_parameter(which), value=value)
+        elif found is not None:
+            break
+        found = correct_critical(problem, guess, closing, basis, frame, steps, reference)
+        if found.point is None:
+            return _Rejected(found.stop.advice)
+        guess = found.point.position
+    if found is None or found.point is None or _bound_passed(guess, options) is not None:
+        return _Rejected("the corrector leaves the ranges of the parameters")
+    needed = _needed_steps(problem, found.point)
+    if needed > steps:
+        samples = problem.period_map.samples
+        steps = samples * int(_STEP_GROWTH * needed / samples + 1)
+        again = correct_critical(problem, guess, closing, found.point.basis, frame, steps, reference)
+        if again.point is None:
+            return _Rejected(again.stop.advice)
+        found = _one_history(found, again)
+    return _segment(problem, state, options, closing, found, reference)
+
+
+def _segment(
+    problem: CurveProblem,
+    state: CurveState,
+    options: CurveOptions,
+    closing: Closing,
+    found: CurveCorrection,
+    reference: PhaseReference | None,
+) -> CurveSegment | _Rejected:
+    if found.point is None:
+        return _Rejected(found.stop.advice)
+    if closing.metric.norm(found.point.position.minus(state.position)) == 0.0:
+        return _Rejected("the corrector returned to the previous point")
+    end = curve_end(found, found.point, closing, state.tangent, options.normal_form)
+    if end is None:
+        return _Rejected("the tangent is singular")
+    return CurveSegment(
+        problem,
+        closing.metric,
+        state.position,
+        state.tangent,
+        end,
+        state.basis,
+        state.frame,
+        closing.across,
+        state.gradient,
+        found.point.steps,
+        reference,
+    )
+
+
+def _one_history(first: CurveCorrection, second: CurveCorrection) -> CurveCorrection:
+    """The second correction with the history of both: the step length must follow the whole effort."""
+    return replace(
+        second,
+        residual_norms=first.residual_norms + second.residual_norms,
+        test_values=first.test_values + second.test_values,
+    )
+
+
+def _bound_passed(guess: Position, options: CurveOptions) -> tuple[int, float] | None:
+    """The first of the two parameters that has left its range, and the end of the range that it passed."""
+    for which, (low, high) in enumerate(options.ranges):
+        if guess.parameters[which] > high:
+            return which, high
+        if guess.parameters[which] < low:
+            return which, low
+    return None
+
+
+def _needed_steps(problem: CurveProblem, found: CriticalCycle | CurveEnd) -> int:
+    """Steps per period that the stiffness along the orbit of a corrected point asks for."""
+    image = found.linear.image if isinstance(found, CriticalCycle) else found.point.cycle.image
+    period_map, position = problem.period_map, found.position
+    if period_map.steps_per_period is not None:
+        return period_map.steps_for(0.0, position.period)
+    radius = period_map.spectral_radius(image.orbit, problem.parameters_at(position))
+    return period_map.steps_for(radius, position.period)
+
+
+def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptions) -> _Step | _Rejected:
+    """Detect and locate the special points of a segment; it is cut where a Neimark-Sacker curve ends."""
+    specials: list[SpecialPoint] = []
+    unlocated: list[SpecialKind] = []
+    end, limit = segment.end, 1.0
+    for special in crossed(state.tests, segment.end.tests):
+        values = (float(state.tests[special - 1]), float(segment.end.tests[special - 1]))
+        located = locate_special(segment, special, values, options.event_tolerance, options.normal_form)
+        if located is None:
+            if not _is_shortest(state, options):
+                return _Rejected("a special point inside the step did not converge")
+            unlocated.append(special)
+            continue
+        point, there = located
+        if point is not None:
+            specials.append(point)
+        if resonant_end(segment.problem.kind, there.point.kappa) is special and point is not None:
+            end, limit = there, point.fraction
+    kept = tuple(sorted((p for p in specials if p.fraction <= limit), key=lambda point: point.fraction))
+    end = replace(end, point=replace(end.point, unlocated=tuple(unlocated)))
+    return _Step(end, segment.metric.norm(end.position.minus(segment.start)), kept)
+
+
+def _passes_start(state: CurveState, segment: CurveSegment) -> bool:
+    """Whether the segment passes through, or stops just before, the first point of the curve, which it has
+    left before.
+    """
+    if state.arclength <= 2.0 * segment.length:
+        return False
+    offset = state.start.minus(segment.start)
+    fraction = segment.metric.inner(offset, segment.chord) / segment.length**2
+    # what is left to the first point beyond the segment would make a needlessly short step
+    if not 0.0 < fraction <= 1.0 + _CLOSED:
+        return False
+    return segment.metric.norm(state.start.minus(segment.guess(fraction))) <= _CLOSED * segment.length
+
+
+def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptions) -> CurveEnd | None:
+    """The point in the plane through the first point across the segment."""
+    row = segment.metric.row(segment.chord)
+    closing = Closing(row, row.dot(state.start), segment.across, segment.gradient, segment.metric)
+    found = segment.correct_on(state.start, closing)
+    if found.point is None:
+        return None
+    return curve_end(found, found.point, closing, segment.chord, options.normal_form)
+
+
+def _returned(state: CurveState, at: Position, metric: PlaneMetric) -> bool:
+    """Whether ``at`` is the first point again."""
+    left = state.arclength > 2.0 * state.step
+    return left and metric.norm(at.minus(state.start)) <= _SAME * state.step
+
+
+def _advance(problem: CurveProblem, state: CurveState, step: _Step, options: CurveOptions) -> CurveState:
+    """The state after an accepted step; the step length follows the count of the corrector."""
+    factor = 2.0 ** ((options.target_iterations - step.end.point.iterations) / 2.0)
+    length = state.step * min(2.0, max(0.5, factor))
+    return replace(
+        state,
+        index=state.index + 1,
+        step=min(options.maximum_step, max(options.minimum_step, length)),
+        arclength=state.arclength + step.length,
+        **_columns_of(problem, step.end),
+    )

@@ -1,0 +1,249 @@
+"""The end of a step along a bifurcation curve, the piece of curve before it, and the special points on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from pipelines.bifurcations.codimension_two import genuine, other_multipliers, special_tests
+from pipelines.bifurcations.critical import (
+    Critical,
+    Frame,
+    critical_derivatives,
+    following_frame,
+)
+from pipelines.bifurcations.criticality import Closing, CriticalCycle, CurveCorrection, correct_critical
+from pipelines.bifurcations.curve import CurvePoint, SpecialKind, SpecialPoint
+from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions, normal_form
+from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position, surface_step
+from pipelines.orbits.floquet import floquet_spectrum
+from pipelines.orbits.period_map import PhaseReference
+from pipelines.orbits.shooting import Cycle
+from pipelines.orbits.system import Matrix, Vector
+
+
+@dataclass(frozen=True)
+class CurveEnd:
+    """A corrected point with all that the next step needs.
+
+    ``tangent`` and ``normal``: orthonormal tangents of the surface of cycles, along and across the curve;
+    ``gradient``: row of the test function, exact on both; ``tests`` (11,) in the order of ``SpecialKind``.
+    """
+
+    point: CurvePoint
+    position: Position
+    tangent: Position
+    normal: Position
+    gradient: Position
+    frame: Frame
+    tests: Vector
+
+
+def curve_end(
+    correction: CurveCorrection,
+    found: CriticalCycle,
+    closing: Closing,
+    sense: Position,
+    options: NormalFormOptions | None,
+) -> CurveEnd | None:
+    """Tangents, spectrum, tests and normal form at a corrected point; None when its tangent is singular.
+
+    ``sense``: a direction that the tangent must not oppose.  With slopes g_1, g_2 of the test function along
+    the tangents t_1, t_2 of the surface, the curve runs along g_2 t_1 - g_1 t_2.
+    """
+    linear, critical, metric = found.linear, found.critical, closing.metric
+    step = surface_step(linear, (closing.row, closing.across), (0.0, 0.0))
+    if step is None:
+        return None
+    first = metric.unit(step.along)
+    second = metric.unit(step.across.plus(first, -metric.inner(first, step.across)))
+    directions = [first, second]
+    fold = linear.at.problem.kind is EventKind.FOLD
+    if fold:
+        directions.append(Position(critical.right[:, 0], critical.right_period or 0.0, np.zeros(2)))
+    slopes = critical_derivatives(linear.at, linear.basis, critical, tuple(directions)).values
+    g1, g2 = float(slopes[0]), float(slopes[1])
+    size = float(np.hypot(g1, g2))
+    if not (size > 0.0 and np.isfinite(size)):
+        return None
+    tangent = first.scaled(g2 / size).plus(second, -g1 / size)
+    tangent = tangent.scaled(-1.0 if metric.inner(tangent, sense) < 0.0 else 1.0)
+    normal = first.scaled(g1 / size).plus(second, g2 / size)
+    gradient = found.gradient
+    gradient = gradient.plus(metric.row(tangent), -gradient.dot(tangent))
+    gradient = gradient.plus(metric.row(normal), size - gradient.dot(normal))
+    curvature = -float(slopes[2]) / _lengths(critical) if fold else 0.0
+    point = _point(correction, found, options)
+    tests = special_tests(
+        linear.at.problem.kind,
+        point.cycle.spectrum.multipliers,
+        critical,
+        point.normal_form,
+        curvature,
+        linear.at.problem.period_map.autonomous,
+    )
+    frame = following_frame(linear.basis, critical)
+    return CurveEnd(point, found.position, tangent, normal, gradient, frame, tests)
+
+
+def _lengths(critical: Critical) -> float:
+    """Scale of z'D2 phi(y, y) that makes it independent of the bordering: abs(z) abs(y)^2."""
+    return float(np.linalg.norm(critical.left) * np.linalg.norm(critical.right) ** 2)
+
+
+def _point(
+    correction: CurveCorrection, found: CriticalCycle, options: NormalFormOptions | None
+) -> CurvePoint:
+    linear, critical = found.linear, found.critical
+    problem = linear.at.problem
+    cycle = Cycle(
+        problem.unknowns(found.position),
+        problem.parameters_at(found.position),
+        found.basis,
+        linear.image,
+        floquet_spectrum(found.basis, linear.image.columns),
+        correction.residual_norms[-1],
+        found.steps,
+    )
+    form: NormalForm | None = None if options is None else normal_form(linear, critical, options)
+    return CurvePoint(
+        problem.kind,
+        cycle,
+        found.position.parameters,
+        critical.kappa,
+        critical.alignment,
+        critical.right,
+        form,
+        correction.residual_norms,
+        correction.test_values,
+    )
+
+
+@dataclass(frozen=True)
+class CurveSegment:
+    """The curve between two corrected points with their unit tangents, both discretised with ``steps``.
+
+    ``basis``, ``frame``, ``across``, ``gradient``, ``reference``: what the points between them are corrected
+    with.  A fraction in [0, 1] names the point in the plane <chord, u - u_0> = fraction <chord, chord>.
+    """
+
+    problem: CurveProblem
+    metric: PlaneMetric
+    start: Position
+    start_tangent: Position
+    end: CurveEnd
+    basis: Matrix
+    frame: Frame
+    across: Position
+    gradient: Position
+    steps: int
+    reference: PhaseReference | None
+
+    @property
+    def chord(self) -> Position:
+        return self.end.position.minus(self.start)
+
+    @property
+    def length(self) -> float:
+        return self.metric.norm(self.chord)
+
+    def guess(self, fraction: float) -> Position:
+        """Cubic Hermite interpolation of the curve."""
+        t, h = fraction, self.length
+        return (
+            self.start.scaled(2 * t**3 - 3 * t**2 + 1)
+            .plus(self.start_tangent, h * (t**3 - 2 * t**2 + t))
+            .plus(self.end.position, 3 * t**2 - 2 * t**3)
+            .plus(self.end.tangent, h * (t**3 - t**2))
+        )
+
+    def closing_at(self, fraction: float) -> Closing:
+        """The plane of a fraction."""
+        row = self.metric.row(self.chord)
+        value = row.dot(self.start) + fraction * row.dot(self.chord)
+        return Closing(row, value, self.across, self.gradient, self.metric)
+
+    def correct_at(self, fraction: float) -> CurveCorrection:
+        """The point at a fraction of the segment."""
+        return self.correct_on(self.guess(fraction), self.closing_at(fraction))
+
+    def correct_on(self, guess: Position, closing: Closing) -> CurveCorrection:
+        """The point near ``guess`` on another closing row."""
+        return correct_critical(
+            self.problem, guess, closing, self.basis, self.frame, self.steps, self.reference
+        )
+
+
+def locate_special(
+    segment: CurveSegment,
+    special: SpecialKind,
+    known: tuple[float, float],
+    width: float,
+    options: NormalFormOptions | None,
+) -> tuple[SpecialPoint | None, CurveEnd] | None:
+    """The zero of one test function on a segment whose ends have the ``known`` values of opposite sign.
+
+    Returns the point, or None in its place when it turns out to be a neutral saddle, and the corrected end
+    there; None when a point between did not converge.  Every evaluation is a corrected point, so that the
+    root is as sharp as the corrector.
+    """
+    ends: dict[float, CurveEnd] = {}
+    with_form = special in (SpecialKind.GENERALISED_FLIP, SpecialKind.CHENCINER)
+
+    def end_at(fraction: float) -> CurveEnd:
+        if fraction not in ends:
+            correction, closing = segment.correct_at(fraction), segment.closing_at(fraction)
+            found = correction.point
+            end = None
+            if found is not None:
+                form = options if with_form else None
+                end = curve_end(correction, found, closing, segment.chord, form)
+            if end is None:
+                raise _NotConvergedError
+            ends[fraction] = end
+        return ends[fraction]
+
+    def test(fraction: float) -> float:
+        if fraction in (0.0, 1.0):
+            return known[int(fraction)]
+        value = float(end_at(fraction).tests[special - 1])
+        if not np.isfinite(value):
+            raise _NotConvergedError
+        return value
+
+    try:
+        tolerance = 4.0 * np.finfo(float).eps
+        fraction = float(brentq(test, 0.0, 1.0, xtol=max(width / segment.length, 1e-14), rtol=tolerance))
+        end = end_at(fraction) if 0.0 < fraction < 1.0 else segment.end
+    except _NotConvergedError:
+        return None
+    return _special_point(segment, special, end, fraction), end
+
+
+class _NotConvergedError(Exception):
+    """A point inside the bracket did not converge."""
+
+
+def _special_point(
+    segment: CurveSegment, special: SpecialKind, end: CurveEnd, fraction: float
+) -> SpecialPoint | None:
+    problem, cycle = segment.problem, end.point.cycle
+    others = other_multipliers(
+        problem.kind, cycle.spectrum.multipliers, end.point.kappa, problem.period_map.autonomous
+    )
+    if not genuine(special, problem.kind, others, end.point.kappa):
+        return None
+    return SpecialPoint(
+        special,
+        cycle.parameters,
+        cycle.unknowns.state,
+        cycle.unknowns.period,
+        cycle.spectrum.multipliers,
+        end.point.kappa,
+        float(end.tests[special - 1]),
+        fraction,
+        cycle.steps,
+    )

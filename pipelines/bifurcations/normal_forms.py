@@ -1,0 +1,192 @@
+"""Critical normal-form coefficients of the stroboscopic map phi (Kuznetsov, Elements, ch. 5, 9 and 10).
+
+With B = D2 phi, C = D3 phi at the critical cycle, M q = mu q of unit 2-norm, p'M = mu p', p'q = 1:
+
+    fold               x -> x + a x^2              a = p.B(q, q) / 2
+    period doubling    x -> -x + b x^3             b = p.[C(q, q, q) + 3 B(q, h)] / 6,    (I - M) h = B(q, q)
+    Neimark-Sacker     w -> mu w (1 + d abs(w)^2)  d = p.[C(q, q, q*) + 2 B(q, h11) + B(q*, h20)] / (2 mu),
+                                                   (I - M) h11 = B(q, q*),  (mu^2 - M) h20 = B(q, q)
+
+B and C are first and second differences of the tangent map, which is itself exact: B(x, y) is the derivative
+of M y along x.  Every coefficient is computed from the fourth-order differences with the steps h and 2h and
+from the second-order ones with h; their distance is the error estimate.  The tangent map has to be smooth
+over the step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipelines.bifurcations.critical import Critical, left_products
+from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.plane import MapAt, Position, SurfaceLinearisation, sweep
+from pipelines.orbits.floquet import Complex
+from pipelines.orbits.system import Matrix, Vector
+
+_SOLVE_TOLERANCE = 1e-9  # of the Picard part of h, h11 and h20
+_STRONG_RESONANCE = 1e-6  # distance of kappa from 1 or -1 below which d is not defined
+
+
+@dataclass(frozen=True)
+class NormalFormOptions:
+    """``difference``: displacement of the largest entry of the state, in units of max(1, largest entry)."""
+
+    difference: float = 2e-3
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.difference < 1.0:
+            raise ValueError(f"difference is {self.difference}; it must lie between 0 and 1")
+
+
+@dataclass(frozen=True)
+class NormalForm:
+    """a, b or d with the estimated ``error`` of the differences; complex for a Neimark-Sacker point only."""
+
+    kind: EventKind
+    coefficient: complex
+    error: float
+
+    @property
+    def supercritical(self) -> bool:
+        """Whether what is born is stable: b > 0, Re d < 0; a fold has no such type and counts as not."""
+        if self.kind is EventKind.PERIOD_DOUBLING:
+            return self.coefficient.real > 0.0
+        return self.kind is EventKind.NEIMARK_SACKER and self.coefficient.real < 0.0
+
+
+def normal_form(
+    linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions
+) -> NormalForm | None:
+    """The coefficient of the problem's kind; None for cycles of unknown period, whose map is not the
+    stroboscopic one, for a neutral saddle and where a linear system is singular.
+    """
+    kind = linear.at.problem.kind
+    if linear.at.problem.period_map.autonomous:
+        return None
+    try:
+        if kind is EventKind.FOLD:
+            values = _fold(linear, critical, options)
+        elif kind is EventKind.PERIOD_DOUBLING:
+            values = _period_doubling(linear, critical, options)
+        elif abs(critical.kappa) < 1.0 - _STRONG_RESONANCE:
+            values = _neimark_sacker(linear, critical, options)
+        else:
+            return None
+    except np.linalg.LinAlgError:
+        return None
+    fine, coarse = complex(values[0]), complex(values[1])
+    return NormalForm(kind, fine, abs(fine - coarse))
+
+
+def _fold(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
+    q, scale = _unit(critical)
+    first, _ = _Differences(linear.at, q[:, 0], options).of(q)
+    # a = p.B(q, q) / 2
+    return 0.5 * _left(linear, critical, first)[0] / scale
+
+
+def _period_doubling(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
+    q, scale = _unit(critical)
+    along = _Differences(linear.at, q[:, 0], options)
+    quadratic, cubic = along.of(q, linear.at.tangent(q).columns)
+    # (I - M) h = B(q, q), for the fine and the coarse differences side by side
+    h = _solve(linear, 1.0, quadratic.astype(complex)).real
+    fine, coarse = (np.ascontiguousarray(h[:, i : i + 1]) for i in range(2))
+    mixed, _ = along.of(np.hstack([fine, coarse]))
+    # b = p.[C(q, q, q) + 3 B(q, h)] / 6; columns of mixed: fine h, coarse h by fine, then by coarse differences
+    total = cubic + 3.0 * mixed[:, [0, 3]]
+    return _left(linear, critical, total)[0] / (6.0 * scale)
+
+
+def _unit(critical: Critical) -> tuple[Matrix, float]:
+    """q of unit length and p.q of the unscaled left vector."""
+    q = critical.right / np.linalg.norm(critical.right)
+    lengths = float(np.linalg.norm(critical.left))
+    return q, critical.alignment * lengths
+
+
+def _left(linear: SurfaceLinearisation, critical: Critical, columns: Matrix) -> Complex:
+    return left_products(linear.at, linear.basis, critical, columns, np.zeros(columns.shape[1])).astype(
+        complex
+    )
+
+
+def _neimark_sacker(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
+    mu, coefficients, left = _critical_pair(critical)
+    q = critical.right @ coefficients
+    length = np.linalg.norm(q)
+    q, left = q / length, left * length
+    parts = np.column_stack([q.real, q.imag])
+    centre = linear.at.tangent(parts).columns
+    real, imaginary = (_Differences(linear.at, np.ascontiguousarray(part), options) for part in parts.T)
+    by_real, cubic_real = real.of(parts, centre)
+    by_imaginary, cubic_imaginary = imaginary.of(parts, centre)
+    # columns: x, y by fine differences, then x, y by coarse ones
+    x, y = [0, 2], [1, 3]
+    xx, xy, yy = by_real[:, x], 0.5 * (by_real[:, y] + by_imaginary[:, x]), by_imaginary[:, y]
+    # C(q, q, q*) = xxx + yyx + i (xxy + yyy)
+    cubic = cubic_real[:, x] + cubic_imaginary[:, x] + 1j * (cubic_real[:, y] + cubic_imaginary[:, y])
+    h11 = _solve(linear, 1.0, (xx + yy).astype(complex)).real
+    h20 = _solve(linear, mu * mu, xx - yy + 2j * xy)
+    columns = np.hstack([h11, h20.real, h20.imag])
+    along_real, _ = real.of(columns)
+    along_imaginary, _ = imaginary.of(columns)
+    total = np.empty_like(cubic)
+    for i in range(2):
+        # fine differences of the fine h, coarse differences of the coarse h
+        pick = [6 * i + i, 6 * i + 2 + i, 6 * i + 4 + i]
+        (x11, x20r, x20i), (y11, y20r, y20i) = along_real[:, pick].T, along_imaginary[:, pick].T
+        # B(q, h11) = x11 + i y11,   B(q*, h20) = (x - i y)(h20r + i h20i)
+        total[:, i] = cubic[:, i] + 2.0 * (x11 + 1j * y11) + (x20r + y20i) + 1j * (x20i - y20r)
+    products = _left(linear, critical, np.hstack([total.real, total.imag]))
+    return np.asarray(left @ (products[:, :2] + 1j * products[:, 2:]) / (2.0 * mu))
+
+
+def _critical_pair(critical: Critical) -> tuple[complex, Complex, Complex]:
+    """mu with positive imaginary part on the circle, the coefficients c of q = W c and l with l'L' = p'."""
+    multipliers, right = np.linalg.eig(critical.matrix)
+    upper = int(np.argmax(multipliers.imag))
+    coefficients = right[:, upper]
+    left = np.linalg.inv(right)[upper]
+    mu = complex(multipliers[upper])
+    return mu / abs(mu), coefficients, left
+
+
+@dataclass(frozen=True)
+class _Differences:
+    """Derivatives of M along one direction by passes at +-h and +-2h."""
+
+    at: MapAt
+    direction: Vector
+    options: NormalFormOptions
+
+    def of(self, columns: Matrix, centre: Matrix | None = None) -> tuple[Matrix, Matrix]:
+        """First and, with M ``columns`` at the ``centre``, second derivatives of M columns, each (N, 2 c):
+        fourth order with h and 2h, then second order with h.
+        """
+        scale = max(1.0, float(np.max(np.abs(self.at.position.state))))
+        h = self.options.difference * scale / float(np.max(np.abs(self.direction)))
+        way = Position(self.direction, 0.0, np.zeros(2))
+        m2, m1, p1, p2 = (self.at.beside(way, k * h).tangent(columns).columns for k in (-2, -1, 1, 2))
+        first = np.hstack([(8.0 * (p1 - m1) - (p2 - m2)) / (12.0 * h), (p1 - m1) / (2.0 * h)])
+        if centre is None:
+            return first, np.zeros_like(first)
+        fourth = (16.0 * (p1 + m1) - (p2 + m2) - 30.0 * centre) / (12.0 * h * h)
+        return first, np.hstack([fourth, (p1 + m1 - 2.0 * centre) / (h * h)])
+
+
+def _solve(linear: SurfaceLinearisation, value: complex, columns: Complex) -> Complex:
+    """(value - M)^-1 columns: Picard sweeps outside the slow subspace, a small system inside."""
+    count, basis = columns.shape[1], linear.basis
+    matrix = np.array([[value.real, value.imag], [-value.imag, value.real]])
+    real = np.hstack([columns.real, columns.imag])
+    # q value = Q (M q + x) as a real pair [Re q, Im q]
+    inverse = np.kron(np.linalg.inv(matrix), np.eye(count))
+    swept = sweep(linear.at, basis, real, inverse, _SOLVE_TOLERANCE)
+    # (H - value) a = -V'(x + M q)
+    sources = columns + swept.image[:, :count] + 1j * swept.image[:, count:]
+    projected = basis.T @ linear.image.columns
+    inside = np.linalg.solve(value * np.eye(len(projected)) - projected, basis.T @ sources)
+    return np.asarray(basis @ inside + swept.columns[:, :count] + 1j * swept.columns[:, count:])
