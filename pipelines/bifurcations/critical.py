@@ -3,15 +3,22 @@
 With H = V'MV, the bordered (minimally augmented) condition of a period doubling (sigma = -1) or of a fold of
 cycles of known period (sigma = 1) is g = 0 in
 
-    | H - sigma I   b | | y |   | 0 |        | H' - sigma I   c | | z |   | 0 |
-    | c'            0 | | g | = | 1 |        | b'             0 | | g | = | 1 |       dg = -z' dH y
+    | M - sigma I   b | | v |   | 0 |        | M' - sigma I   c | | p |   | 0 |
+    | c'            0 | | g | = | 1 |        | b'             0 | | g | = | 1 |       dg = -p' dM v
 
 b and c being the null vectors of the last point.  A fold of unknown period takes the cycle Jacobian instead,
 with phi_T as a further column and the phase condition as a further row.  A Neimark-Sacker point has
 
-    H W = W A,    A (2, 2),    g = det A - 1 = mu_1 mu_2 - 1,    dg = tr(adj(A) L' dH W),    L'W = I
+    M W = W A,    A (2, 2),    g = det A - 1 = mu_1 mu_2 - 1,    dg = tr(adj(A) L' dM W),    L'W = I
 
-for the invariant pair nearest to the last one; its trace 2 kappa stays smooth through theta = 0 and pi.
+for the invariant pair that follows from the last one; its trace 2 kappa stays smooth through theta = 0, pi.
+
+V is invariant only to the accuracy of its last update, so v and W are no combinations of its columns: they
+travel with V through the same pass, and what is left of the equations above, rho = M v - sigma v, is corrected
+by dv = V a + q with q sigma = Q (M q + rho), in the same sweeps as the cycle,
+
+    | H - sigma I   V'b | | a |     | V'(rho + M q)   |        | H a - a A   -V'W | | a  |     | V'(rho + M q) |
+    | c'V           0   | | g | = - | c'(v + q) - 1   |        | W_0'V       0    | | dA | = - | W_0'q         |
 
 Derivatives act from the left with vectors of the whole space, whose part outside V is found without an
 adjoint: p'M = A p' gives  p'x = p_V'x + sum_j A^(-j-1) p_V' M (Q M)^j Q x.
@@ -20,16 +27,26 @@ adjoint: p'M = A p' gives  p'x = p_V'x + sum_j A^(-j-1) p_V' M (Q M)^j Q x.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
 
 from pipelines.bifurcations.detection import EventKind, nontrivial
-from pipelines.bifurcations.plane import MapAt, Position, SurfaceLinearisation, map_slopes, outside
-from pipelines.orbits.floquet import Complex
+from pipelines.bifurcations.plane import (
+    MapAt,
+    Position,
+    SurfaceLinearisation,
+    Swept,
+    linearise,
+    map_slopes,
+    outside,
+)
+from pipelines.orbits.floquet import Complex, orthonormal
 from pipelines.orbits.system import Matrix, Vector
 
+_PAIR_ITERATIONS = 12
+_PAIR_TOLERANCE = 1e-12
 _LEFT_TOLERANCE = 1e-7  # of the derivatives of a test function: they only steer
 
 
@@ -53,11 +70,12 @@ class Frame:
 class Critical:
     """The test function at one position and the vectors that carry its derivatives.
 
-    ``value``: g; ``right`` (N, m): y or W; ``matrix`` (m, m): A, with M right = right A; ``left`` (k, m): slow
-    part of the left vectors; ``weights`` (m, m): dg = sum(weights * (left' dM right)); ``right_period``,
-    ``left_phase``: parts of a fold of unknown period; ``alignment``: cosine between left and right null
-    vector, which vanishes where a second multiplier joins (R1 on folds, R2 on period doublings);
-    ``kappa``: half the trace of A; ``residual``: of the invariance M right = right A.
+    ``value``: g; ``right`` (N, m): v or W; ``matrix`` (m, m): A, with M right = right A; ``left`` (k, m):
+    slow part of the left vectors; ``weights`` (m, m): dg = sum(weights * (left' dM right));
+    ``right_period``, ``left_phase``: parts of a fold of unknown period; ``alignment``: cosine between left
+    and right null vector, which vanishes where a second multiplier joins (R1 on folds, R2 on period
+    doublings); ``kappa``: half the trace of A; ``error``: estimated error of g from what the basis leaves
+    out.
     """
 
     value: float
@@ -69,84 +87,149 @@ class Critical:
     left_phase: float
     alignment: float
     kappa: float
-    residual: float
+    error: float
 
 
-def critical_of(linear: SurfaceLinearisation, frame: Frame) -> Critical | None:
+@dataclass(frozen=True)
+class Vectors:
+    """Critical vectors that travel with the basis: ``columns`` (N, m) and, for a fold of unknown period, the
+    ``period`` part.
+    """
+
+    columns: Matrix
+    period: float = 0.0
+
+
+@dataclass(frozen=True)
+class CriticalPass:
+    """A full pass with the critical vectors: the linearised surface, M ``vectors`` and their defect.
+
+    ``matrix`` (m, m): A; ``defect`` (N, m): M R - R A; ``swept``: its Picard part; ``phase_defect``: of the
+    phase row of a fold of unknown period.
+    """
+
+    linear: SurfaceLinearisation
+    vectors: Vectors
+    matrix: Matrix
+    defect: Matrix
+    phase_defect: float
+    swept: Swept
+
+
+def critical_pass(at: MapAt, basis: Matrix, vectors: Vectors) -> CriticalPass | None:
+    """One full pass with the critical vectors and the sweeps that belong to it; None when it diverges."""
+    kind, columns = at.problem.kind, basis.shape[1]
+    image = at.full_pass(np.hstack([basis, vectors.columns]))
+    if not image.finite:
+        return None
+    mapped = image.columns[:, columns:]
+    phase = image.phase_columns[columns:]
+    image = replace(
+        image,
+        columns=np.ascontiguousarray(image.columns[:, :columns]),
+        phase_columns=image.phase_columns[:columns].copy(),
+    )
+    matrix = np.array([[_target(kind)]])
+    if kind is EventKind.NEIMARK_SACKER:
+        # any A will do that makes the defect small; this one makes W'rho = 0
+        matrix = np.linalg.solve(vectors.columns.T @ vectors.columns, vectors.columns.T @ mapped)
+    defect, phase_defect = mapped - vectors.columns @ matrix, 0.0
+    if _with_period(at):
+        defect = defect + image.inhomogeneous[:, -1:] * vectors.period
+        phase_defect = float(phase[0] + image.phase_inhomogeneous[-1] * vectors.period)
+    linear, swept = linearise(at, basis, image, defect, np.linalg.inv(matrix))
+    return CriticalPass(linear, vectors, matrix, defect, phase_defect, swept)
+
+
+def critical_of(passed: CriticalPass, frame: Frame) -> Critical | None:
     """The test function of the problem's kind; None when its bordered matrix is singular."""
-    if linear.at.problem.kind is EventKind.NEIMARK_SACKER:
-        return _invariant_pair(linear, frame)
-    return _bordered(linear, frame)
+    if passed.linear.at.problem.kind is EventKind.NEIMARK_SACKER:
+        return _invariant_pair(passed, frame)
+    return _bordered(passed, frame)
 
 
 def _target(kind: EventKind) -> float:
     return -1.0 if kind is EventKind.PERIOD_DOUBLING else 1.0
 
 
+def _with_period(at: MapAt) -> bool:
+    return at.problem.kind is EventKind.FOLD and at.problem.period_map.autonomous
+
+
 def _critical_matrix(linear: SurfaceLinearisation) -> Matrix:
     """H - sigma I, bordered by phi_T and the phase condition for a fold of unknown period."""
-    basis, image, swept, kind = linear.basis, linear.image, linear.swept, linear.at.problem.kind
-    matrix = basis.T @ image.columns - _target(kind) * np.eye(basis.shape[1])
-    if not (kind is EventKind.FOLD and linear.at.problem.period_map.autonomous):
+    basis, image, swept = linear.basis, linear.image, linear.swept
+    matrix = basis.T @ image.columns - _target(linear.at.problem.kind) * np.eye(basis.shape[1])
+    if not _with_period(linear.at):
         return np.asarray(matrix)
     column = basis.T @ (linear.sources[:, -1] + swept.image[:, -1])
     corner = image.phase_inhomogeneous[-1] + swept.phase[-1]
     return np.block([[matrix, column[:, None]], [image.phase_columns[None, :], np.array([[corner]])]])
 
 
-def _bordered(linear: SurfaceLinearisation, frame: Frame) -> Critical | None:
+def _bordered(passed: CriticalPass, frame: Frame) -> Critical | None:
+    linear, swept = passed.linear, passed.swept
     matrix, basis = _critical_matrix(linear), linear.basis
     size, columns = len(matrix), basis.shape[1]
-    periodic = size > columns
     border = np.append(basis.T @ frame.left, frame.left_phase)[:size]
     closing = np.append(basis.T @ frame.right, frame.right_period)[:size]
     system = np.block([[matrix, border[:, None]], [closing[None, :], np.zeros((1, 1))]])
-    unit = np.append(np.zeros(size), 1.0)
+    old = passed.vectors
+    rest = np.append(basis.T @ (passed.defect + swept.image), passed.phase_defect + swept.phase[0])[:size]
+    gap = frame.right @ (old.columns + swept.columns)[:, 0] + frame.right_period * old.period - 1.0
     try:
-        right, left = np.linalg.solve(system, unit), np.linalg.solve(system.T, unit)
+        update = np.linalg.solve(system, -np.append(rest, gap))
+        left = np.linalg.solve(system.T, np.append(np.zeros(size), 1.0))
     except np.linalg.LinAlgError:
         return None
-    if not (np.all(np.isfinite(right)) and np.all(np.isfinite(left))):
+    if not (np.all(np.isfinite(update)) and np.all(np.isfinite(left))):
         return None
-    y, z = right[:columns], left[:columns]
-    vector, period = basis @ y, None
-    mapped = linear.image.columns @ y
-    if periodic:
-        period = float(right[columns])
-        vector = vector + linear.swept.columns[:, -1] * period
-        mapped = mapped + (linear.swept.image[:, -1] + linear.sources[:, -1]) * period
-    sigma = _target(linear.at.problem.kind)
-    defect = outside(basis, (mapped - sigma * vector)[:, None])
-    lengths = np.linalg.norm(right[:size]) * np.linalg.norm(left[:size])
+    vector = old.columns[:, 0] + basis @ update[:columns] + swept.columns[:, 0]
+    period = None
+    if size > columns:
+        period = old.period + float(update[columns])
+        vector = vector + linear.swept.columns[:, -1] * update[columns]
+    slow = np.append(basis.T @ vector, period or 0.0)[:size]
+    lengths = math.hypot(float(np.linalg.norm(vector)), period or 0.0) * np.linalg.norm(left[:size])
     return Critical(
-        value=float(right[-1]),
+        value=float(update[-1]),
         right=vector[:, None],
-        matrix=np.array([[sigma]]),
-        left=z[:, None],
+        matrix=passed.matrix,
+        left=left[:columns, None],
         weights=np.array([[-1.0]]),
         right_period=period,
-        left_phase=float(left[columns]) if periodic else 0.0,
-        alignment=float(right[:size] @ left[:size] / lengths),
-        kappa=sigma,
-        residual=float(np.linalg.norm(defect) / np.linalg.norm(vector)),
+        left_phase=float(left[columns]) if size > columns else 0.0,
+        alignment=float(slow @ left[:size] / lengths),
+        kappa=float(passed.matrix[0, 0]),
+        error=_error(passed, vector[:, None]),
     )
 
 
-def _invariant_pair(linear: SurfaceLinearisation, frame: Frame) -> Critical | None:
-    projected = linear.basis.T @ linear.image.columns
-    pair = _nearest_pair(np.linalg.eigvals(projected), 2.0 * frame.kappa)
-    if pair is None:
+def _error(passed: CriticalPass, vectors: Matrix) -> float:
+    """The correction of the vectors is wrong by what V is not invariant and what the last sweep left."""
+    linear = passed.linear
+    slow = linear.basis.T @ vectors
+    leak = np.linalg.norm(outside(linear.basis, linear.image.columns @ slow)) / np.linalg.norm(slow)
+    options = linear.at.problem.options
+    sweeps = 0.0 if slow.shape[0] == vectors.shape[0] else options.picard_tolerance
+    return float(np.linalg.norm(passed.defect) / np.linalg.norm(vectors) * (leak + sweeps))
+
+
+def _invariant_pair(passed: CriticalPass, frame: Frame) -> Critical | None:
+    basis = passed.linear.basis
+    solved = _pair_in_basis(passed, np.column_stack([frame.right, frame.left]))
+    if solved is None:
         return None
-    right, left = _invariant_plane(projected, pair), _invariant_plane(projected.T, pair)
-    if right is None or left is None:
+    vectors, matrix = solved
+    projected = basis.T @ passed.linear.image.columns
+    left = _invariant_plane(projected.T, np.linalg.eigvals(matrix).astype(complex))
+    if left is None:
         return None
-    left = left @ np.linalg.inv(right.T @ left)
-    matrix = right.T @ projected @ right
+    left = left @ np.linalg.inv((basis.T @ vectors).T @ left)
     adjugate = np.array([[matrix[1, 1], -matrix[0, 1]], [-matrix[1, 0], matrix[0, 0]]])
-    defect = outside(linear.basis, linear.image.columns @ right)
     return Critical(
         value=float(np.linalg.det(matrix)) - 1.0,
-        right=linear.basis @ right,
+        right=vectors,
         matrix=matrix,
         left=left,
         weights=adjugate.T,
@@ -154,20 +237,43 @@ def _invariant_pair(linear: SurfaceLinearisation, frame: Frame) -> Critical | No
         left_phase=0.0,
         alignment=1.0,
         kappa=0.5 * float(np.trace(matrix)),
-        residual=float(np.linalg.norm(defect)),
+        error=_error(passed, vectors),
     )
 
 
-def _nearest_pair(multipliers: Complex, trace: float) -> Complex | None:
-    """The conjugate or real pair with product nearest to one and sum nearest to the last."""
-    first, second = np.triu_indices(len(multipliers), k=1)
-    total, product = multipliers[first] + multipliers[second], multipliers[first] * multipliers[second]
-    real = np.abs(total.imag) + np.abs(product.imag) <= 1e-10 * (1.0 + np.abs(total))
-    if not np.any(real):
-        return None
-    distance = np.where(real, np.abs(product - 1.0) + np.abs(total - trace), np.inf)
-    best = int(np.argmin(distance))
-    return np.array([multipliers[first[best]], multipliers[second[best]]])
+def _pair_in_basis(passed: CriticalPass, fixed: Matrix) -> tuple[Matrix, Matrix] | None:
+    """W and A by Newton on a and A with the Picard part as it is: M W is known for every W = W_old + V a + q,
+    so that the iterations cost no passes.
+    """
+    basis, swept = passed.linear.basis, passed.swept
+    columns = basis.shape[1]
+    vectors, matrix = passed.vectors.columns + swept.columns, passed.matrix
+    mapped = passed.defect + passed.vectors.columns @ matrix + swept.image
+    projected = basis.T @ passed.linear.image.columns
+    closing = fixed.T @ basis
+    # the columns of V a that W_old'(W - W_old) = 0 fixes
+    normal = fixed.T @ passed.vectors.columns
+    size = 2 * columns
+    for _ in range(_PAIR_ITERATIONS):
+        defect = basis.T @ (mapped - vectors @ matrix)
+        # unknowns a (k, 2) and dA (2, 2), row by row: vec(H a - a A) = (H x I - I x A') vec(a)
+        system = np.zeros((size + 4, size + 4))
+        system[:size, :size] = np.kron(projected, np.eye(2)) - np.kron(np.eye(columns), matrix.T)
+        system[:size, size:] = -np.kron(basis.T @ vectors, np.eye(2))
+        system[size:, :size] = np.kron(closing, np.eye(2))
+        right = np.concatenate([-defect.ravel(), (normal - fixed.T @ vectors).ravel()])
+        try:
+            solution = np.linalg.solve(system, right)
+        except np.linalg.LinAlgError:
+            return None
+        if not np.all(np.isfinite(solution)):
+            return None
+        change = solution[:size].reshape(columns, 2)
+        vectors, mapped = vectors + basis @ change, mapped + passed.linear.image.columns @ change
+        matrix = matrix + solution[size:].reshape(2, 2)
+        if np.max(np.abs(solution)) <= _PAIR_TOLERANCE:
+            return vectors, matrix
+    return None
 
 
 def _invariant_plane(matrix: Matrix, pair: Complex) -> Matrix | None:
@@ -230,7 +336,8 @@ def left_products(at: MapAt, basis: Matrix, critical: Critical, columns: Matrix,
 def following_frame(basis: Matrix, critical: Critical) -> Frame:
     """The frame that a point hands to the next one."""
     if critical.right.shape[1] == 2:
-        return Frame(critical.right[:, 0], critical.right[:, 1], kappa=critical.kappa)
+        plane = orthonormal(critical.right)
+        return Frame(plane[:, 0].copy(), plane[:, 1].copy(), kappa=critical.kappa)
     period = critical.right_period or 0.0
     size = math.hypot(float(np.linalg.norm(critical.right)), period)
     left_size = math.hypot(float(np.linalg.norm(critical.left)), critical.left_phase)
@@ -243,32 +350,51 @@ def following_frame(basis: Matrix, critical: Critical) -> Frame:
     )
 
 
-def first_frame(linear: SurfaceLinearisation, angle: float | None = None) -> Frame:
-    """A frame from nothing: singular vectors of the critical matrix, or the complex pair nearest to the
-    unit circle (nearest to exp(i angle) when the angle is given).
+def vectors_of(frame: Frame, kind: EventKind) -> Vectors:
+    """The critical vectors of the last point, as a first guess for those of the next."""
+    if kind is EventKind.NEIMARK_SACKER:
+        return Vectors(np.column_stack([frame.right, frame.left]))
+    return Vectors(frame.right[:, None].copy(), frame.right_period)
+
+
+def first_frame(at: MapAt, basis: Matrix, angle: float | None = None) -> Frame | None:
+    """A frame from nothing: singular vectors of the critical matrix, or the invariant plane of the complex
+    pair nearest to the unit circle (nearest to exp(i angle) when the angle is given).  None when the pass
+    diverges or there is no pair.
     """
-    basis, kind = linear.basis, linear.at.problem.kind
-    if kind is not EventKind.NEIMARK_SACKER:
+    image = at.full_pass(basis)
+    if not image.finite:
+        return None
+    nothing = np.zeros((basis.shape[0], 0))
+    linear, _ = linearise(at, basis, image, nothing, np.zeros((0, 0)))
+    columns = basis.shape[1]
+    if at.problem.kind is not EventKind.NEIMARK_SACKER:
         left, _, right = np.linalg.svd(_critical_matrix(linear))
-        columns = basis.shape[1]
-        tail_right, tail_left = (vector[columns:].sum() for vector in (right[-1], left[:, -1]))
-        return Frame(
-            basis @ right[-1][:columns],
-            basis @ left[:columns, -1],
-            float(tail_right),
-            float(tail_left),
-            _target(kind),
-        )
-    multipliers = np.linalg.eigvals(basis.T @ linear.image.columns)
+        tail_right, tail_left = (float(vector[columns:].sum()) for vector in (right[-1], left[:, -1]))
+        vector = basis @ right[-1][:columns]
+        if _with_period(at):
+            vector = vector + linear.swept.columns[:, -1] * tail_right
+        return Frame(vector, basis @ left[:columns, -1], tail_right, tail_left, _target(at.problem.kind))
+    projected = basis.T @ image.columns
+    pair = _starting_pair(projected, angle, at.problem.period_map.autonomous)
+    plane = None if pair is None else _invariant_plane(projected, pair)
+    if pair is None or plane is None:
+        return None
+    vectors = basis @ plane
+    return Frame(vectors[:, 0].copy(), vectors[:, 1].copy(), kappa=0.5 * float(np.sum(pair).real))
+
+
+def _starting_pair(projected: Matrix, angle: float | None, autonomous: bool) -> Complex | None:
+    multipliers = nontrivial(np.linalg.eigvals(projected).astype(complex), autonomous)
+    first, second = np.triu_indices(len(multipliers), k=1)
+    total, product = multipliers[first] + multipliers[second], multipliers[first] * multipliers[second]
+    real = np.abs(total.imag) + np.abs(product.imag) <= 1e-9 * (1.0 + np.abs(total))
+    complex_pair = real & (np.abs(multipliers[first].imag) > 0.0)
     if angle is None:
-        angle = _angle_of_nearest(nontrivial(multipliers, linear.at.problem.period_map.autonomous))
-    zeros = np.zeros(basis.shape[0])
-    return Frame(zeros, zeros, kappa=math.cos(angle))
-
-
-def _angle_of_nearest(multipliers: Complex) -> float:
-    upper = multipliers[multipliers.imag > 0.0]
-    if len(upper) == 0:
-        return 0.5 * math.pi
-    nearest = upper[np.argmin(np.abs(np.abs(upper) - 1.0))]
-    return math.atan2(nearest.imag, nearest.real)
+        distance = np.where(complex_pair, np.abs(product - 1.0), np.inf)
+    else:
+        distance = np.where(real, np.abs(product - 1.0) + np.abs(total - 2.0 * math.cos(angle)), np.inf)
+    if not np.any(np.isfinite(distance)):
+        return None
+    best = int(np.argmin(distance))
+    return np.array([multipliers[first[best]], multipliers[second[best]]])

@@ -27,7 +27,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipelines.bifurcations.critical import Critical, Frame, critical_of
+from pipelines.bifurcations.critical import (
+    Critical,
+    CriticalPass,
+    Frame,
+    Vectors,
+    critical_of,
+    critical_pass,
+    vectors_of,
+)
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import (
     CurveFormulation,
@@ -37,13 +45,12 @@ from pipelines.bifurcations.plane import (
     Position,
     SurfaceLinearisation,
     SurfaceStep,
-    linearise,
     map_slopes,
     surface_step,
     sweep,
 )
 from pipelines.orbits.floquet import orthonormal
-from pipelines.orbits.period_map import PeriodImage, PhaseReference
+from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import NewtonStop
 from pipelines.orbits.system import Matrix
 
@@ -156,20 +163,21 @@ class _History:
 
 
 def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -> CurveCorrection:
-    history = _History()
-    gradient, moved, last = closing.gradient, None, 0.0
+    history, vectors = _History(), vectors_of(frame, at.problem.kind)
+    gradient, last = closing.gradient, 0.0
+    moved: Position | None = None
     for _ in range(at.problem.options.iterations + 1):
-        image = at.full_pass(basis)
-        if not image.finite:
+        passed = critical_pass(at, basis, vectors)
+        if passed is None:
             return history.ended(NewtonStop.NON_FINITE)
-        linear = linearise(at, basis, image)
-        critical = critical_of(linear, frame)
+        critical = critical_of(passed, frame)
         if critical is None:
             return history.ended(NewtonStop.SINGULAR)
+        linear = passed.linear
         if moved is not None:
-            gradient = _learnt(gradient, moved, critical.value - last, critical.residual, closing.metric)
+            gradient = _learnt(gradient, moved, critical.value - last, critical.error, closing.metric)
         history = history.and_then(max(linear.residual, abs(closing.gap(at.position))), critical.value)
-        if history.converged(at.problem, critical.residual):
+        if history.converged(at.problem, critical.error):
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, gradient))
         if history.diverged:
             return history.ended(NewtonStop.DIVERGED)
@@ -180,7 +188,8 @@ def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
         # beta = -(g + gamma d_r)/(gamma t)
         beta = -(critical.value + gradient.dot(step.correction)) / slope
         moved, last = step.correction.plus(step.across, beta), critical.value
-        at, basis = at.beside(moved, 1.0), following(basis, image.columns)
+        at, basis = at.beside(moved, 1.0), following(basis, linear.image.columns)
+        vectors = Vectors(critical.right, critical.right_period or 0.0)
     return history.ended(NewtonStop.ITERATIONS)
 
 
@@ -195,26 +204,27 @@ def _learnt(
 
 
 def _correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -> CurveCorrection:
-    history = _History()
-    vectors = reference = None
-    angle = math.acos(min(1.0, max(-1.0, frame.kappa)))
-    for _ in range(at.problem.options.iterations + 1):
-        image = at.full_pass(basis if vectors is None else np.hstack([basis, vectors]))
-        if not image.finite:
+    history, kind = _History(), at.problem.kind
+    opening = critical_pass(at, basis, vectors_of(frame, kind))
+    if opening is None:
+        return history.ended(NewtonStop.NON_FINITE)
+    critical = critical_of(opening, frame)
+    if critical is None:
+        return history.ended(NewtonStop.SINGULAR)
+    vectors, angle = _first_vectors(critical)
+    reference = vectors
+    for iteration in range(at.problem.options.iterations + 1):
+        passed = critical_pass(at, basis, Vectors(vectors)) if iteration else _mapped(opening, vectors)
+        if passed is None:
             return history.ended(NewtonStop.NON_FINITE)
-        image, mapped = _without_columns(image, basis.shape[1])
-        linear = linearise(at, basis, image)
-        critical = critical_of(linear, frame)
-        if critical is None:
-            return history.ended(NewtonStop.SINGULAR)
-        if vectors is None:
-            vectors, angle = _first_vectors(critical)
-            reference = vectors
-            mapped = at.tangent(vectors).columns
-        defect = mapped - vectors @ _rotation(at.problem.kind, angle)[0]
+        linear = passed.linear
+        defect = passed.defect + vectors @ (passed.matrix - _rotation(kind, angle)[0])
         size = float(np.max(np.abs(defect)) / np.max(np.abs(vectors)))
         history = history.and_then(max(linear.residual, abs(closing.gap(at.position))), size)
         if history.converged(at.problem, 0.0):
+            critical = critical_of(passed, frame)
+            if critical is None:
+                return history.ended(NewtonStop.SINGULAR)
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, closing.gradient))
         if history.diverged:
             return history.ended(NewtonStop.DIVERGED)
@@ -224,18 +234,14 @@ def _correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
             return history.ended(NewtonStop.SINGULAR)
         at = at.beside(step.correction.plus(step.across, update.beta), 1.0)
         vectors, angle = vectors + update.vectors, angle + update.angle
-        basis = following(basis, image.columns)
+        basis = following(basis, linear.image.columns)
     return history.ended(NewtonStop.ITERATIONS)
 
 
-def _without_columns(image: PeriodImage, columns: int) -> tuple[PeriodImage, Matrix]:
-    """A full pass without the critical vectors that travelled with the basis, and what became of them."""
-    trimmed = replace(
-        image,
-        columns=np.ascontiguousarray(image.columns[:, :columns]),
-        phase_columns=image.phase_columns[:columns],
-    )
-    return trimmed, image.columns[:, columns:]
+def _mapped(opening: CriticalPass, vectors: Matrix) -> CriticalPass:
+    """The opening pass with other critical vectors, for the price of their columns alone."""
+    mapped = opening.linear.at.tangent(vectors).columns
+    return replace(opening, vectors=Vectors(vectors), defect=mapped - vectors @ opening.matrix)
 
 
 def _first_vectors(critical: Critical) -> tuple[Matrix, float]:

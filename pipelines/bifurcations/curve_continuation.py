@@ -15,7 +15,14 @@ from typing import Any
 import numpy as np
 
 from pipelines.bifurcations.codimension_two import crossed, resonant_end
-from pipelines.bifurcations.critical import Frame, critical_derivatives, critical_of, first_frame
+from pipelines.bifurcations.critical import (
+    Frame,
+    critical_derivatives,
+    critical_of,
+    critical_pass,
+    first_frame,
+    vectors_of,
+)
 from pipelines.bifurcations.criticality import Closing, CriticalCycle, CurveCorrection, correct_critical
 from pipelines.bifurcations.curve import (
     CurveLimit,
@@ -36,7 +43,6 @@ from pipelines.bifurcations.plane import (
     MapAt,
     PlaneMetric,
     Position,
-    linearise,
     metric_of,
     surface_tangents,
 )
@@ -175,14 +181,12 @@ def _first_closing(
     at: MapAt, basis: Matrix, start: CurveStart, options: CurveOptions, metric: PlaneMetric
 ) -> tuple[Closing, Frame, Position] | str:
     """The plane across the curve at the guess, the frame there and the tangent in the wanted sense."""
-    image = at.full_pass(basis)
-    if not image.finite:
-        return "the orbit of the guess leaves the domain of the equations"
-    linear = linearise(at, basis, image)
-    frame = first_frame(linear, start.angle)
-    critical = critical_of(linear, frame)
-    if critical is None:
-        return "the guess has no critical multipliers"
+    frame = first_frame(at, basis, start.angle)
+    passed = None if frame is None else critical_pass(at, basis, vectors_of(frame, at.problem.kind))
+    critical = None if frame is None or passed is None else critical_of(passed, frame)
+    if frame is None or passed is None or critical is None:
+        return "the orbit of the guess leaves the domain of the equations or has no critical multipliers"
+    linear = passed.linear
     first, second = surface_tangents(linear, metric)
     derivatives = critical_derivatives(at, basis, critical, (first, second))
     g1, g2 = derivatives.values

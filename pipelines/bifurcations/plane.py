@@ -297,10 +297,20 @@ class SurfaceLinearisation:
         return max(float(np.max(np.abs(self.sources[:, 0]))) / scale, abs(self.image.phase))
 
 
-def linearise(at: MapAt, basis: Matrix, image: PeriodImage) -> SurfaceLinearisation:
-    """The Picard parts that belong to a full pass."""
+def linearise(
+    at: MapAt, basis: Matrix, image: PeriodImage, defect: Matrix, inverse: Matrix
+) -> tuple[SurfaceLinearisation, Swept]:
+    """The Picard parts that belong to a full pass, and in the same sweeps those of a ``defect`` (N, m) of
+    critical vectors: q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
+    """
     sources = np.column_stack([image.state - at.position.state, image.inhomogeneous])
-    return SurfaceLinearisation(at, basis, image, sources, sweep(at, basis, sources))
+    count, riders = sources.shape[1], defect.shape[1]
+    both = np.eye(count + riders)
+    both[count:, count:] = inverse
+    swept = sweep(at, basis, np.hstack([sources, defect]), both)
+    surface = Swept(swept.columns[:, :count], swept.image[:, :count], swept.phase[:count])
+    rest = Swept(swept.columns[:, count:], swept.image[:, count:], swept.phase[count:])
+    return SurfaceLinearisation(at, basis, image, sources, surface), rest
 
 
 def surface_rows(linear: SurfaceLinearisation) -> tuple[Matrix, Vector]:
