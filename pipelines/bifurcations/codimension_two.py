@@ -29,17 +29,17 @@ from pipelines.orbits.system import Vector
 
 _REAL = 1e-6  # imaginary part, relative to the modulus, below which a multiplier is taken as real
 _CIRCLE = 1e-5  # distance from the unit circle within which a located pair counts as on it
+_ZERO = 1e-9  # a test function below this is on its special point
 _END = 1e-7  # distance of kappa from 1 or -1 at which a Neimark-Sacker curve has ended
 
 
 def other_multipliers(kind: EventKind, multipliers: Complex, kappa: float, autonomous: bool) -> Complex:
     """The multipliers without the critical ones and without the trivial one of an unknown period."""
     rest = nontrivial(multipliers, autonomous)
+    critical = [-1.0 + 0.0j if kind is EventKind.PERIOD_DOUBLING else 1.0 + 0.0j]
     if kind is EventKind.NEIMARK_SACKER:
-        root = np.sqrt(complex(kappa * kappa - 1.0))
-        critical = (kappa + root, kappa - root)
-    else:
-        critical = (-1.0 + 0.0j if kind is EventKind.PERIOD_DOUBLING else 1.0 + 0.0j,)
+        root = complex(kappa * kappa - 1.0) ** 0.5
+        critical = [kappa + root, kappa - root]
     for value in critical:
         rest = np.delete(rest, int(np.argmin(np.abs(rest - value))))
     return rest
@@ -93,12 +93,21 @@ def special_tests(
 
 
 def crossed(before: Vector, after: Vector) -> tuple[SpecialKind, ...]:
-    """Special points whose test changed sign; a test that is not defined at both ends finds nothing."""
+    """Special points whose test changed sign; a test that is not defined at both ends finds nothing.
+
+    A curve may start or end on a special point: the step that arrives there has it, the one that leaves does
+    not.
+    """
     return tuple(
         special
-        for special, old, new in zip(SpecialKind, before, after, strict=True)
-        if math.isfinite(old) and math.isfinite(new) and (old < 0.0) != (new < 0.0)
+        for special, old, new in zip(SpecialKind, settled(before), settled(after), strict=True)
+        if math.isfinite(old) and math.isfinite(new) and old * new <= 0.0 and old != 0.0
     )
+
+
+def settled(tests: Vector) -> Vector:
+    """The tests with those that are zero to rounding set to zero."""
+    return np.where(np.abs(tests) < _ZERO, 0.0, tests)
 
 
 def genuine(special: SpecialKind, curve: EventKind, others: Complex, kappa: float) -> bool:

@@ -14,11 +14,11 @@ with phi_T as a further column and the phase condition as a further row.  A Neim
 for the invariant pair that follows from the last one; its trace 2 kappa stays smooth through theta = 0, pi.
 
 V is invariant only to the accuracy of its last update, so v and W are no combinations of its columns: they
-travel with V through the same pass, and what is left of the equations above, rho = M v - sigma v, is corrected
+travel with V through the same pass.  What is left of the equations above, rho = M v - sigma v, is corrected
 by dv = V a + q with q sigma = Q (M q + rho), in the same sweeps as the cycle,
 
-    | H - sigma I   V'b | | a |     | V'(rho + M q)   |        | H a - a A   -V'W | | a  |     | V'(rho + M q) |
-    | c'V           0   | | g | = - | c'(v + q) - 1   |        | W_0'V       0    | | dA | = - | W_0'q         |
+    | H - sigma I   V'b | | a |     | V'(rho + M q) |       | H a - a A   -V'W | | a  |     | V'(rho + M q) |
+    | c'V           0   | | g | = - | c'(v + q) - 1 |       | W_0'V       0    | | dA | = - | W_0'q         |
 
 Derivatives act from the left with vectors of the whole space, whose part outside V is found without an
 adjoint: p'M = A p' gives  p'x = p_V'x + sum_j A^(-j-1) p_V' M (Q M)^j Q x.

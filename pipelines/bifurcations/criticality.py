@@ -1,12 +1,13 @@
 """Correctors of a bifurcation curve: the cycle, its criticality and the closing row together.
 
-Both walk on the surface of cycles of ``pipelines.bifurcations.plane``: a step is the Newton correction towards
-the surface plus beta times the tangent ``across`` that leaves the closing row alone,
+Both walk on the surface of cycles of ``pipelines.bifurcations.plane``: a step is the Newton correction
+towards the surface plus beta times the tangent ``across`` that leaves the closing row alone,
 
     du = d_r + beta t,      row . t = 0
 
-The bordered corrector finds beta from the test function g.  Its gradient row gamma is known on the two tangents
-of the last point and learnt elsewhere by Broyden updates, which costs no passes:
+The bordered corrector finds beta from the test function g.  Its gradient row gamma is known on the two
+tangents of the last point and learnt elsewhere by Broyden updates, which costs no passes, and measured only
+where that does not get on:
 
     beta = -(g + gamma d_r)/(gamma t),      gamma += (dg - gamma du)/<du, du> <du, .>
 
@@ -32,6 +33,7 @@ from pipelines.bifurcations.critical import (
     CriticalPass,
     Frame,
     Vectors,
+    critical_derivatives,
     critical_of,
     critical_pass,
     vectors_of,
@@ -49,13 +51,14 @@ from pipelines.bifurcations.plane import (
     surface_step,
     sweep,
 )
-from pipelines.orbits.floquet import orthonormal
+from pipelines.orbits.floquet import floquet_spectrum, orthonormal
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import NewtonStop
 from pipelines.orbits.system import Matrix
 
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 _BROYDEN_NOISE = 0.1  # share of a change of g that the settling of the basis may explain
+_STALLED = 0.5  # reduction of g in one step that asks for its exact derivatives
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,12 @@ class _History:
         return critical and self.residual_norms[-1] <= options.tolerance
 
     @property
+    def stalls(self) -> bool:
+        """Whether the last step did not even halve the test function."""
+        values = self.test_values
+        return len(values) > 1 and abs(values[-1]) > _STALLED * abs(values[-2])
+
+    @property
     def diverged(self) -> bool:
         """Whether the sum of both grew beyond recovery."""
         sizes = [r + abs(g) for r, g in zip(self.residual_norms, self.test_values, strict=True)]
@@ -160,6 +169,27 @@ class _History:
 
     def ended(self, stop: NewtonStop, point: CriticalCycle | None = None) -> CurveCorrection:
         return CurveCorrection(stop, point, self.residual_norms, self.test_values)
+
+
+def settled(found: CriticalCycle, frame: Frame, tolerance: float) -> CriticalCycle:
+    """The same point after as many subspace iterations as its multipliers and left vectors need.
+
+    ``tolerance``: residual asked of every multiplier above ``checked_modulus``, with at most
+    ``multiplier_sweeps`` passes; the point itself does not depend on the basis.
+    """
+    options = found.linear.at.problem.options
+    for _ in range(options.multiplier_sweeps):
+        spectrum = floquet_spectrum(found.basis, found.linear.image.columns)
+        if np.all(spectrum.residuals[np.abs(spectrum.multipliers) > options.checked_modulus] <= tolerance):
+            break
+        basis = following(found.basis, found.linear.image.columns)
+        vectors = Vectors(found.critical.right, found.critical.right_period or 0.0)
+        passed = critical_pass(found.linear.at, basis, vectors)
+        critical = None if passed is None else critical_of(passed, frame)
+        if passed is None or critical is None:
+            break
+        found = CriticalCycle(passed.linear, critical, found.gradient)
+    return found
 
 
 def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -> CurveCorrection:
@@ -182,8 +212,12 @@ def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
         if history.diverged:
             return history.ended(NewtonStop.DIVERGED)
         step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
-        slope = 0.0 if step is None else gradient.dot(step.across)
-        if step is None or slope == 0.0:
+        if step is None:
+            return history.ended(NewtonStop.SINGULAR)
+        if history.stalls:
+            gradient = _measured(linear, critical, gradient, step, closing.metric)
+        slope = gradient.dot(step.across)
+        if slope == 0.0:
             return history.ended(NewtonStop.SINGULAR)
         # beta = -(g + gamma d_r)/(gamma t)
         beta = -(critical.value + gradient.dot(step.correction)) / slope
@@ -201,6 +235,24 @@ def _learnt(
     if size == 0.0 or noise > _BROYDEN_NOISE * abs(change):
         return gradient
     return gradient.plus(metric.row(moved), (change - gradient.dot(moved)) / size)
+
+
+def _measured(
+    linear: SurfaceLinearisation,
+    critical: Critical,
+    gradient: Position,
+    step: SurfaceStep,
+    metric: PlaneMetric,
+) -> Position:
+    """The gradient row made exact along both parts of the step, for the price of two pairs of passes."""
+    across = metric.unit(step.across)
+    rest = step.correction.plus(across, -metric.inner(across, step.correction))
+    size = metric.norm(rest)
+    directions = (across,) if size == 0.0 else (across, rest.scaled(1.0 / size))
+    slopes = critical_derivatives(linear.at, linear.basis, critical, directions).values
+    for direction, slope in zip(directions, slopes, strict=True):
+        gradient = gradient.plus(metric.row(direction), float(slope) - gradient.dot(direction))
+    return gradient
 
 
 def _correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -> CurveCorrection:

@@ -71,7 +71,7 @@ class CurveOptions:
     ranges: tuple[tuple[float, float], tuple[float, float]]
     direction: int = 1
     step: float = 0.02
-    minimum_step: float = 1e-5
+    minimum_step: float = 1e-7
     maximum_step: float = 0.05
     max_points: int = 400
     target_iterations: int = 4
@@ -118,9 +118,9 @@ class CurveState:
     A curve restarted from a copy of it continues with the same bits.  ``state``, the ``tangent_*``, the
     ``normal_*`` (the second tangent of the surface of cycles, across the curve) and the ``gradient_*`` (row
     of the test function) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``,
-    ``left_phase``, ``kappa``: the frame of the test function; ``tests`` (11,): values of the special test
-    functions in the order of ``SpecialKind``; ``step`` is the next arclength step; ``start_*``: the first
-    point.
+    ``left_phase``, ``kappa``: the frame of the test function; ``kappa_slope``: d kappa/d arclength;
+    ``tests`` (11,): values of the special test functions in the order of ``SpecialKind``; ``step`` is the
+    next arclength step; ``start_*``: the first point.
     """
 
     index: int
@@ -141,6 +141,7 @@ class CurveState:
     right_period: float
     left_phase: float
     kappa: float
+    kappa_slope: float
     tests: Vector
     step: float
     arclength: float

@@ -1,4 +1,4 @@
-"""Continuation of period-doubling, Neimark-Sacker and fold curves: predict, correct, test, locate, record, adapt.
+"""Period-doubling, Neimark-Sacker and fold curves: predict, correct, test, locate, record, adapt.
 
 On the surface of cycles over two parameters (``pipelines.bifurcations.plane``) a point follows u_0 with unit
 tangent t at distance h when, with the test function g of ``pipelines.bifurcations.critical``,
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.bifurcations.codimension_two import crossed, resonant_end
+from pipelines.bifurcations.codimension_two import crossed, resonant_end, settled
 from pipelines.bifurcations.critical import (
     Frame,
     critical_derivatives,
@@ -36,7 +36,7 @@ from pipelines.bifurcations.curve import (
     SpecialKind,
     SpecialPoint,
 )
-from pipelines.bifurcations.curve_segment import CurveEnd, CurveSegment, curve_end, locate_special
+from pipelines.bifurcations.curve_segment import CurveEnd, CurveSegment, curve_end, dip_beyond, locate_special
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import (
     CurveProblem,
@@ -173,7 +173,7 @@ def _open_with(
     corrected = correct_critical(problem, guess, closing, basis, frame, steps, reference)
     if corrected.point is None:
         return corrected.stop.advice
-    end = curve_end(corrected, corrected.point, closing, along, options.normal_form)
+    end = curve_end(corrected, corrected.point, closing, along, options.normal_form, frame)
     return "the tangent of the first point is singular" if end is None else end
 
 
@@ -222,6 +222,7 @@ def _columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
         "right_period": end.frame.right_period,
         "left_phase": end.frame.left_phase,
         "kappa": end.frame.kappa,
+        "kappa_slope": end.kappa_slope,
         "tests": end.tests,
         "steps": cycle.steps,
         "basis": adapted_basis(cycle.basis, cycle.image.columns, problem.options.basis),
@@ -321,7 +322,7 @@ def _segment(
         return _Rejected(found.stop.advice)
     if closing.metric.norm(found.point.position.minus(state.position)) == 0.0:
         return _Rejected("the corrector returned to the previous point")
-    end = curve_end(found, found.point, closing, state.tangent, options.normal_form)
+    end = curve_end(found, found.point, closing, state.tangent, options.normal_form, state.frame)
     if end is None:
         return _Rejected("the tangent is singular")
     return CurveSegment(
@@ -373,9 +374,8 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
     specials: list[SpecialPoint] = []
     unlocated: list[SpecialKind] = []
     end, limit = segment.end, 1.0
-    for special in crossed(state.tests, segment.end.tests):
-        values = (float(state.tests[special - 1]), float(segment.end.tests[special - 1]))
-        located = locate_special(segment, special, values, options.event_tolerance, options.normal_form)
+    for special, known in _brackets(segment, state):
+        located = locate_special(segment, special, known, options.event_tolerance, options.normal_form)
         if located is None:
             if not _is_shortest(state, options):
                 return _Rejected("a special point inside the step did not converge")
@@ -389,6 +389,22 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
     kept = tuple(sorted((p for p in specials if p.fraction <= limit), key=lambda point: point.fraction))
     end = replace(end, point=replace(end.point, unlocated=tuple(unlocated)))
     return _Step(end, segment.metric.norm(end.position.minus(segment.start)), kept)
+
+
+def _brackets(segment: CurveSegment, state: CurveState) -> list[tuple[SpecialKind, dict[float, float]]]:
+    """Special points of a segment with the fractions and test values between which each of them lies."""
+    before, after = settled(state.tests), settled(segment.end.tests)
+    brackets = [
+        (special, {0.0: float(before[special - 1]), 1.0: float(after[special - 1])})
+        for special in crossed(before, after)
+    ]
+    if segment.problem.kind is EventKind.NEIMARK_SACKER:
+        # kappa may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
+        for special in (SpecialKind.R1, SpecialKind.R2):
+            beyond = dip_beyond(segment, special, (state.kappa, state.kappa_slope))
+            if beyond is not None:
+                brackets.append((special, {0.0: float(before[special - 1]), beyond[0]: beyond[1]}))
+    return brackets
 
 
 def _passes_start(state: CurveState, segment: CurveSegment) -> bool:
@@ -412,7 +428,7 @@ def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptio
     found = segment.correct_on(state.start, closing)
     if found.point is None:
         return None
-    return curve_end(found, found.point, closing, segment.chord, options.normal_form)
+    return curve_end(found, found.point, closing, segment.chord, options.normal_form, segment.frame)
 
 
 def _returned(state: CurveState, at: Position, metric: PlaneMetric) -> bool:

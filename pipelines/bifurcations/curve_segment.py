@@ -14,7 +14,13 @@ from pipelines.bifurcations.critical import (
     critical_derivatives,
     following_frame,
 )
-from pipelines.bifurcations.criticality import Closing, CriticalCycle, CurveCorrection, correct_critical
+from pipelines.bifurcations.criticality import (
+    Closing,
+    CriticalCycle,
+    CurveCorrection,
+    correct_critical,
+    settled,
+)
 from pipelines.bifurcations.curve import CurvePoint, SpecialKind, SpecialPoint
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions, normal_form
@@ -24,13 +30,17 @@ from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import Cycle
 from pipelines.orbits.system import Matrix, Vector
 
+_RECORDED = 1e-6  # residual asked of the multipliers of an ordinary point
+_DIP = 0.5  # share of the nearer end below which a minimum of 1 -+ kappa inside a segment is looked at
+
 
 @dataclass(frozen=True)
 class CurveEnd:
     """A corrected point with all that the next step needs.
 
     ``tangent`` and ``normal``: orthonormal tangents of the surface of cycles, along and across the curve;
-    ``gradient``: row of the test function, exact on both; ``tests`` (11,) in the order of ``SpecialKind``.
+    ``gradient``: row of the test function, exact on both; ``tests`` (11,) in the order of ``SpecialKind``;
+    ``kappa_slope``: d kappa/d arclength.
     """
 
     point: CurvePoint
@@ -40,6 +50,7 @@ class CurveEnd:
     gradient: Position
     frame: Frame
     tests: Vector
+    kappa_slope: float
 
 
 def curve_end(
@@ -48,12 +59,18 @@ def curve_end(
     closing: Closing,
     sense: Position,
     options: NormalFormOptions | None,
+    frame: Frame,
+    precise: bool = False,
 ) -> CurveEnd | None:
     """Tangents, spectrum, tests and normal form at a corrected point; None when its tangent is singular.
 
-    ``sense``: a direction that the tangent must not oppose.  With slopes g_1, g_2 of the test function along
-    the tangents t_1, t_2 of the surface, the curve runs along g_2 t_1 - g_1 t_2.
+    ``sense``: a direction that the tangent must not oppose; ``frame``: the one it was corrected with;
+    ``precise``: multipliers and left vectors as sharp as the options ask, to locate special points.  With
+    slopes g_1, g_2 of the test function along the tangents t_1, t_2 of the surface, the curve runs along
+    g_2 t_1 - g_1 t_2.
     """
+    sharp = found.linear.at.problem.options.multiplier_tolerance
+    found = settled(found, frame, sharp if precise else max(sharp, _RECORDED))
     linear, critical, metric = found.linear, found.critical, closing.metric
     step = surface_step(linear, (closing.row, closing.across), (0.0, 0.0))
     if step is None:
@@ -64,13 +81,16 @@ def curve_end(
     fold = linear.at.problem.kind is EventKind.FOLD
     if fold:
         directions.append(Position(critical.right[:, 0], critical.right_period or 0.0, np.zeros(2)))
-    slopes = critical_derivatives(linear.at, linear.basis, critical, tuple(directions)).values
+    derivatives = critical_derivatives(linear.at, linear.basis, critical, tuple(directions))
+    slopes, traces = derivatives.values, derivatives.traces
     g1, g2 = float(slopes[0]), float(slopes[1])
     size = float(np.hypot(g1, g2))
     if not (size > 0.0 and np.isfinite(size)):
         return None
     tangent = first.scaled(g2 / size).plus(second, -g1 / size)
-    tangent = tangent.scaled(-1.0 if metric.inner(tangent, sense) < 0.0 else 1.0)
+    turned = -1.0 if metric.inner(tangent, sense) < 0.0 else 1.0
+    tangent = tangent.scaled(turned)
+    kappa_slope = 0.5 * turned * float(g2 * traces[0] - g1 * traces[1]) / size
     normal = first.scaled(g1 / size).plus(second, g2 / size)
     gradient = found.gradient
     gradient = gradient.plus(metric.row(tangent), -gradient.dot(tangent))
@@ -85,8 +105,8 @@ def curve_end(
         curvature,
         linear.at.problem.period_map.autonomous,
     )
-    frame = following_frame(linear.basis, critical)
-    return CurveEnd(point, found.position, tangent, normal, gradient, frame, tests)
+    handed = following_frame(linear.basis, critical)
+    return CurveEnd(point, found.position, tangent, normal, gradient, handed, tests, kappa_slope)
 
 
 def _lengths(critical: Critical) -> float:
@@ -120,6 +140,10 @@ def _point(
         correction.residual_norms,
         correction.test_values,
     )
+
+
+class _NotConvergedError(Exception):
+    """A point inside the bracket did not converge."""
 
 
 @dataclass(frozen=True)
@@ -170,6 +194,16 @@ class CurveSegment:
         """The point at a fraction of the segment."""
         return self.correct_on(self.guess(fraction), self.closing_at(fraction))
 
+    def end_at(self, fraction: float, options: NormalFormOptions | None) -> CurveEnd:
+        """The corrected point at a fraction with its tests; raises when it does not converge."""
+        correction, closing = self.correct_at(fraction), self.closing_at(fraction)
+        end = None
+        if correction.point is not None:
+            end = curve_end(correction, correction.point, closing, self.chord, options, self.frame, True)
+        if end is None:
+            raise _NotConvergedError
+        return end
+
     def correct_on(self, guess: Position, closing: Closing) -> CurveCorrection:
         """The point near ``guess`` on another closing row."""
         return correct_critical(
@@ -180,11 +214,11 @@ class CurveSegment:
 def locate_special(
     segment: CurveSegment,
     special: SpecialKind,
-    known: tuple[float, float],
+    known: dict[float, float],
     width: float,
     options: NormalFormOptions | None,
 ) -> tuple[SpecialPoint | None, CurveEnd] | None:
-    """The zero of one test function on a segment whose ends have the ``known`` values of opposite sign.
+    """The zero of one test function between the two ``known`` fractions, whose values have opposite signs.
 
     Returns the point, or None in its place when it turns out to be a neutral saddle, and the corrected end
     there; None when a point between did not converge.  Every evaluation is a corrected point, so that the
@@ -195,20 +229,12 @@ def locate_special(
 
     def end_at(fraction: float) -> CurveEnd:
         if fraction not in ends:
-            correction, closing = segment.correct_at(fraction), segment.closing_at(fraction)
-            found = correction.point
-            end = None
-            if found is not None:
-                form = options if with_form else None
-                end = curve_end(correction, found, closing, segment.chord, form)
-            if end is None:
-                raise _NotConvergedError
-            ends[fraction] = end
+            ends[fraction] = segment.end_at(fraction, options if with_form else None)
         return ends[fraction]
 
     def test(fraction: float) -> float:
-        if fraction in (0.0, 1.0):
-            return known[int(fraction)]
+        if fraction in known:
+            return known[fraction]
         value = float(end_at(fraction).tests[special - 1])
         if not np.isfinite(value):
             raise _NotConvergedError
@@ -216,15 +242,50 @@ def locate_special(
 
     try:
         tolerance = 4.0 * np.finfo(float).eps
-        fraction = float(brentq(test, 0.0, 1.0, xtol=max(width / segment.length, 1e-14), rtol=tolerance))
-        end = end_at(fraction) if 0.0 < fraction < 1.0 else segment.end
+        width = max(width / segment.length, 1e-14)
+        fraction = float(brentq(test, min(known), max(known), xtol=width, rtol=tolerance))
+        end = segment.end if fraction == 1.0 else end_at(fraction)
     except _NotConvergedError:
         return None
     return _special_point(segment, special, end, fraction), end
 
 
-class _NotConvergedError(Exception):
-    """A point inside the bracket did not converge."""
+def dip_beyond(
+    segment: CurveSegment, special: SpecialKind, start: tuple[float, float]
+) -> tuple[float, float] | None:
+    """A fraction where kappa is beyond 1 (R1) or -1 (R2) although it is not at either end of the segment, and
+    the negative value of the test there.
+
+    ``start``: kappa and its slope at the start.  The cubic through both ends tells whether it is worth
+    looking; then the zero of the slope is found.  None when kappa turns back before, or a point fails.
+    """
+    sign = 1.0 if special is SpecialKind.R1 else -1.0
+    length = segment.length
+    end = segment.end
+    before, after = 1.0 - sign * start[0], 1.0 - sign * end.point.kappa
+    falling, rising = -sign * start[1] * length, -sign * end.kappa_slope * length
+    if not (before > 0.0 and after > 0.0 and falling < 0.0 < rising):
+        return None
+    fractions = np.linspace(0.0, 1.0, 101)
+    cubic = (
+        before * (1.0 + 2.0 * fractions) * (1.0 - fractions) ** 2
+        + falling * fractions * (1.0 - fractions) ** 2
+        + after * fractions**2 * (3.0 - 2.0 * fractions)
+        + rising * fractions**2 * (fractions - 1.0)
+    )
+    if np.min(cubic) > _DIP * min(before, after):
+        return None
+    known = {0.0: start[1], 1.0: end.kappa_slope}
+
+    def slope(fraction: float) -> float:
+        return known[fraction] if fraction in known else segment.end_at(fraction, None).kappa_slope
+
+    try:
+        lowest = float(brentq(slope, 0.0, 1.0, xtol=1e-6))
+        kappa = segment.end_at(lowest, None).point.kappa
+    except _NotConvergedError:
+        return None
+    return (lowest, 1.0 - sign * kappa) if sign * kappa > 1.0 else None
 
 
 def _special_point(

@@ -95,7 +95,7 @@ def _period_doubling(linear: SurfaceLinearisation, critical: Critical, options: 
     h = _solve(linear, 1.0, quadratic.astype(complex)).real
     fine, coarse = (np.ascontiguousarray(h[:, i : i + 1]) for i in range(2))
     mixed, _ = along.of(np.hstack([fine, coarse]))
-    # b = p.[C(q, q, q) + 3 B(q, h)] / 6; columns of mixed: fine h, coarse h by fine, then by coarse differences
+    # b = p.[C(q, q, q) + 3 B(q, h)] / 6; columns of mixed: both h by fine, then both by coarse differences
     total = cubic + 3.0 * mixed[:, [0, 3]]
     return _left(linear, critical, total)[0] / (6.0 * scale)
 
@@ -183,7 +183,7 @@ def _solve(linear: SurfaceLinearisation, value: complex, columns: Complex) -> Co
     matrix = np.array([[value.real, value.imag], [-value.imag, value.real]])
     real = np.hstack([columns.real, columns.imag])
     # q value = Q (M q + x) as a real pair [Re q, Im q]
-    inverse = np.kron(np.linalg.inv(matrix), np.eye(count))
+    inverse = np.asarray(np.kron(np.linalg.inv(matrix), np.eye(count)), dtype=np.float64)
     swept = sweep(linear.at, basis, real, inverse, _SOLVE_TOLERANCE)
     # (H - value) a = -V'(x + M q)
     sources = columns + swept.image[:, :count] + 1j * swept.image[:, count:]

@@ -4,8 +4,8 @@ The cycles near a point form a surface in the space of (s, T, lambda_1, lambda_2
 
     phi(s, T, lambda) - s = 0,      phase(s) = 0
 
-and a bifurcation curve is the line on it where one test function vanishes.  With V an orthonormal basis of the
-slow invariant subspace and ds = V a + q, where every q_x = Q (M q_x + x) is found by Picard sweeps as in
+and a bifurcation curve is the line on it where one test function vanishes.  With V an orthonormal basis of
+the slow invariant subspace and ds = V a + q, where every q_x = Q (M q_x + x) is found by Picard sweeps as in
 ``pipelines.orbits.shooting``, both the Newton correction towards the surface and its two tangents solve
 
     | V'(M-I)V   V'(phi_j + M q_j)   V'(phi_T + M q_T) | | a    |     | V'(r + M q_r) |
@@ -367,7 +367,7 @@ def surface_step(
         sides[given + i, 0] = -gaps[i] - row.state @ swept[:, 0]
         sides[given + i, 1 + i] = 1.0
     try:
-        solution = np.linalg.solve(np.vstack([matrix, closing]), sides)
+        solution = np.asarray(np.linalg.solve(np.vstack([matrix, closing]), sides), dtype=np.float64)
     except np.linalg.LinAlgError:
         return None
     if not np.all(np.isfinite(solution)):

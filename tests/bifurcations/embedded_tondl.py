@@ -45,4 +45,6 @@ def embedded_tondl(crowd: int = 60, rate: float = 1.2) -> DynamicalSystem:
     """
     rates_of = rate * (1.0 + 0.01 * np.cos(7.0 * np.arange(crowd)))
     rates_of[:4] = 0.25 * rate * (1.0 + 0.3 * np.arange(4))
-    return DynamicalSystem(4 + crowd, rates, tangent, ("c1", "eta", "feedback"), forcing=1, constants=rates_of)
+    return DynamicalSystem(
+        4 + crowd, rates, tangent, ("c1", "eta", "feedback"), forcing=1, constants=rates_of
+    )

@@ -1,0 +1,180 @@
+"""From a bifurcation to what starts there: curves in two parameters, doubled cycles, curves joined at R1, R2.
+
+At a period doubling with eigenvector v, M v = -v, the cycles of twice the period are
+
+    s = s_0 + A v + O(A^2),      lambda = lambda_0 + O(A^2)
+
+so the parameter turns at the bifurcation.  The first of them is corrected with the amplitude fixed instead of
+the parameter, <v, s - s_0> = A, which the cycle of the simple period cannot satisfy.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from pipelines.bifurcations.branch import BranchStart
+from pipelines.bifurcations.curve import CurvePoint, CurveStart, SpecialKind, SpecialPoint
+from pipelines.bifurcations.detection import Event, EventKind
+from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
+from pipelines.orbits.period_map import PeriodMap, PhaseReference
+from pipelines.orbits.shooting import (
+    Constraint,
+    Correction,
+    CycleProblem,
+    Unknowns,
+    correct,
+    first_basis,
+    needed_steps,
+    reference_of,
+)
+from pipelines.orbits.system import Vector
+
+
+def curve_from_event(
+    problem: CycleProblem,
+    event: Event,
+    names: tuple[str, str],
+    formulation: CurveFormulation = CurveFormulation.BORDERED,
+) -> tuple[CurveProblem, CurveStart]:
+    """The curve in the plane of two parameters through a bifurcation found on a branch of cycles.
+
+    Raises ValueError for a branch point.
+    """
+    curves = CurveProblem(
+        problem.period_map, event.kind, event.parameters, names, problem.options, formulation
+    )
+    first, second = (float(event.parameters[index]) for index in curves.indices)
+    return curves, CurveStart(event.state, (first, second), event.period, event.angle)
+
+
+def joined_curve(problem: CurveProblem, special: SpecialPoint) -> tuple[CurveProblem, CurveStart] | None:
+    """The other curve through R1 (fold and Neimark-Sacker) or R2 (period doubling and Neimark-Sacker).
+
+    A Neimark-Sacker curve leaves the point in one direction, the curve it ends on in two.  None for every
+    other special point, and for R1 of cycles of unknown period, where the resonance is a different one.
+    """
+    partner = {SpecialKind.R1: EventKind.FOLD, SpecialKind.R2: EventKind.PERIOD_DOUBLING}.get(special.kind)
+    if partner is None or (partner is EventKind.FOLD and problem.period_map.autonomous):
+        return None
+    onto_curve = problem.kind is EventKind.NEIMARK_SACKER
+    kind = partner if onto_curve else EventKind.NEIMARK_SACKER
+    angle = 0.0 if special.kind is SpecialKind.R1 else math.pi
+    first, second = (float(special.parameters[index]) for index in problem.indices)
+    joined = replace(problem, kind=kind, formulation=CurveFormulation.BORDERED)
+    return joined, CurveStart(special.state, (first, second), special.period, angle)
+
+
+@dataclass(frozen=True)
+class DoubledBranch:
+    """The start of a branch of doubled cycles: for ``continue_branch(problem, start, ...)``.
+
+    ``problem``: the same system with twice the turns (or the period) per cycle; ``direction``: the sense of
+    the parameter in which the branch leaves the bifurcation; ``correction``: how the first cycle was found.
+    """
+
+    problem: CycleProblem
+    start: BranchStart
+    direction: int
+    correction: Correction
+
+
+def doubled_branch(problem: CycleProblem, event: Event, amplitude: float) -> DoubledBranch | None:
+    """The branch of cycles of twice the period at a period doubling of ``problem``.
+
+    ``amplitude`` (> 0): largest entry of the first step away from the simple cycle.  None when no doubled
+    cycle of that amplitude was found: try another one.  Raises ValueError for an event of another kind or an
+    amplitude that is not positive.
+    """
+    if event.kind is not EventKind.PERIOD_DOUBLING:
+        raise ValueError(f"doubled cycles start at a period doubling, not at a {event.kind.name}")
+    if not amplitude > 0.0:
+        raise ValueError(f"amplitude is {amplitude}; it must be positive")
+    parameter = float(event.parameters[problem.index])
+    simple = Unknowns(event.state, event.period, parameter)
+    vector = _flip_vector(problem, event, simple)
+    if vector is None:
+        return None
+    doubled = replace(problem, period_map=doubled_map(problem.period_map))
+    guess = Unknowns(event.state + amplitude * vector, 2.0 * event.period, parameter)
+    row = vector / float(vector @ vector)
+    constraint = Constraint(Unknowns(row, 0.0, 0.0), float(row @ event.state) + amplitude)
+    at_flip = doubled.consistent(Unknowns(event.state, 2.0 * event.period, parameter))
+    steps = needed_steps(doubled, at_flip)
+    reference: PhaseReference | None = reference_of(doubled, at_flip, steps)
+    basis = first_basis(doubled, at_flip, steps)
+    correction = correct(doubled, guess, constraint, basis, steps, reference)
+    if correction.cycle is None:
+        return None
+    found = correction.cycle.unknowns
+    start = BranchStart(found.state, found.parameter, found.period)
+    return DoubledBranch(doubled, start, 1 if found.parameter >= parameter else -1, correction)
+
+
+def doubled_map(period_map: PeriodMap) -> PeriodMap:
+    """The map over two periods: twice the turns of the forcing, twice the samples and the steps."""
+    turns = period_map.turns if period_map.system.forcing is None else 2 * period_map.turns
+    steps = None if period_map.steps_per_period is None else 2 * period_map.steps_per_period
+    minimum = period_map.minimum_steps * 2 if turns == period_map.turns else period_map.minimum_steps
+    return replace(
+        period_map,
+        turns=turns,
+        samples=2 * period_map.samples,
+        steps_per_period=steps,
+        minimum_steps=minimum,
+    )
+
+
+def _flip_vector(problem: CycleProblem, event: Event, simple: Unknowns) -> Vector | None:
+    """The eigenvector of -1, its largest entry one."""
+    at_event = replace(problem, parameters=event.parameters)
+    reference = reference_of(at_event, simple, event.steps)
+    basis = first_basis(at_event, simple, event.steps)
+    constraint = at_event.fixed_parameter(simple.parameter)
+    cycle = correct(at_event, simple, constraint, basis, event.steps, reference).cycle
+    if cycle is None:
+        return None
+    nearest = int(np.argmin(np.abs(cycle.spectrum.multipliers + 1.0)))
+    complex_vector = cycle.spectrum.vectors[:, nearest]
+    vector = (complex_vector / complex_vector[np.argmax(np.abs(complex_vector))]).real
+    return np.asarray(vector, dtype=np.float64)
+
+
+def lies_on_curve(
+    start: CurveStart,
+    points: list[CurvePoint],
+    scales: tuple[float, float] = (1.0, 1.0),
+    angle_tolerance: float = 0.2,
+    tolerance: float = 0.05,
+) -> bool:
+    """Whether a bifurcation point is already on a traced curve of its kind, whose points are in order.
+
+    The distance of its parameters from the chords of the curve is compared with ``tolerance`` times the
+    length of the chord (plus the sagitta that the neighbouring chords suggest), in parameters divided by
+    ``scales``; the state must be near too, and so must the angle, because two curves may cross in the
+    parameters.
+    """
+    weight = np.array(scales)
+    target = np.array(start.parameters) / weight
+    for before, after in pairwise(points):
+        first, last = before.parameters / weight, after.parameters / weight
+        chord = last - first
+        length = float(np.linalg.norm(chord))
+        fraction = 0.5 if length == 0.0 else float((target - first) @ chord) / length**2
+        if not -tolerance <= fraction <= 1.0 + tolerance:
+            continue
+        off = float(np.linalg.norm(target - first - fraction * chord))
+        if off > tolerance * length + 1e-9:
+            continue
+        old, new = before.cycle.unknowns.state, after.cycle.unknowns.state
+        guess = old + fraction * (new - old)
+        spread = float(np.max(np.abs(new - old)))
+        apart = float(np.max(np.abs(start.state - guess)))
+        angle = before.angle + fraction * (after.angle - before.angle)
+        same_angle = start.angle is None or abs(start.angle - angle) <= angle_tolerance
+        if same_angle and apart <= max(spread, 1e-6 * max(1.0, float(np.max(np.abs(guess))))):
+            return True
+    return False

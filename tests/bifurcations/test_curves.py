@@ -1,0 +1,281 @@
+"""Bifurcation curves of maps and flows in closed form: where they run, end, and what lies on them."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop, SpecialKind
+from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
+from pipelines.bifurcations.switching import joined_curve
+from pipelines.orbits.period_map import Formulation, PeriodMap
+from pipelines.orbits.shooting import ShootingOptions
+from pipelines.orbits.steppers import DOPRI8
+from tests.bifurcations.curve_runs import FLIP, FOLD, NS, map_problem, start, trace
+from tests.bifurcations.explicit_maps import (
+    cusp_map,
+    delayed_logistic,
+    flip_map,
+    henon,
+    product_map,
+    rotation_map,
+)
+from tests.bifurcations.polar_cycles import polar_cycles
+
+BOTH = pytest.mark.parametrize("formulation", list(CurveFormulation))
+PLANE = ((-5.0, 5.0), (-3.0, 3.0))
+B = 0.3
+HENON_FLIP = start([2.0 / (3.0 * (1.0 - B)), 2.0 * B / (3.0 * (1.0 - B))], (0.75 * (1.0 - B) ** 2, B))
+HENON_FOLD = start([2.0 / (1.0 - B), 2.0 * B / (1.0 - B)], (-0.25 * (1.0 - B) ** 2, B))
+
+
+def kinds(run) -> list[SpecialKind]:  # type: ignore[no-untyped-def]
+    return [special.kind for special in run.specials]
+
+
+@BOTH
+def test_henon_curves_are_parabolas(formulation: CurveFormulation) -> None:
+    options = CurveOptions(((-2.0, 2.0), (-0.9, 0.9)), maximum_step=0.1)
+    flips = trace(map_problem(henon(), FLIP, (0, 0), ("a", "b"), formulation), HENON_FLIP, options)
+    folds = trace(map_problem(henon(), FOLD, (0, 0), ("a", "b"), formulation), HENON_FOLD, options)
+    for run, factor in ((flips, 0.75), (folds, -0.25)):
+        assert run.result.stop is CurveStop.RANGE
+        a, b = run.parameters.T
+        assert np.max(np.abs(a - factor * (1.0 - b) ** 2)) < 1e-9
+        assert max(point.cycle.residual for point in run.points) <= 1e-12
+
+
+def test_bending_curves_and_their_resonances() -> None:
+    """At b = -1 the Henon map keeps areas: R2 on the flip curve at a = 3, R1 on the fold curve at a = -1."""
+    options = CurveOptions(((-1.5, 3.5), (-1.2, 0.9)), maximum_step=0.1)
+    flips = trace(map_problem(henon(), FLIP, (0, 0), ("a", "b")), HENON_FLIP, options)
+    assert kinds(flips) == [SpecialKind.R2]
+    assert np.allclose(flips.specials[0].parameters[:2], [3.0, -1.0], rtol=0, atol=1e-9)
+    folds = trace(map_problem(henon(), FOLD, (0, 0), ("a", "b")), HENON_FOLD, replace(options, direction=-1))
+    assert kinds(folds) == [SpecialKind.R1]
+    assert np.allclose(folds.specials[0].parameters[:2], [-1.0, -1.0], rtol=0, atol=1e-9)
+
+
+def test_neimark_sacker_curve_ends_on_the_fold_curve() -> None:
+    """Delayed logistic map: at e = 0, r = 2 and theta = pi/3; R4 at r = e = 1; R1 at r = 3, e = -1/3."""
+    problem = map_problem(delayed_logistic(), NS, (0, 0), ("r", "e"))
+    begin = start([0.5, 0.5], (2.0, 0.0), math.pi / 3.0)
+    down = trace(problem, begin, CurveOptions(((0.5, 5.0), (-2.0, 2.0)), direction=-1))
+    assert SpecialKind.R4 in kinds(down)
+    r4 = next(special for special in down.specials if special.kind is SpecialKind.R4)
+    assert np.allclose(r4.parameters[:2], [1.0, 1.0], rtol=0, atol=1e-9)
+    up = trace(problem, begin, CurveOptions(((0.5, 5.0), (-2.0, 2.0))))
+    assert up.result.stop is CurveStop.RESONANCE_1
+    assert np.allclose(up.points[-1].parameters, [3.0, -1.0 / 3.0], rtol=0, atol=1e-8)
+    assert up.points[-1].kappa == pytest.approx(1.0, abs=1e-9)
+    # nothing follows the end, but the fold curve goes on both ways
+    assert trace(problem, up.result.state, CurveOptions(((0.5, 5.0), (-2.0, 2.0)))).points == []
+    joined = joined_curve(problem, up.specials[-1])
+    assert joined is not None
+    folds, begin = joined
+    assert folds.kind is FOLD
+    for direction in (1, -1):
+        run = trace(folds, begin, CurveOptions(((2.0, 4.0), (-2.0, 2.0)), direction=direction))
+        assert run.result.stop is CurveStop.RANGE
+        # fixed points r x^2 + (1 - r) x = e meet where (1 - r)^2 + 4 r e = 0
+        r, e = run.parameters.T
+        assert np.max(np.abs((1.0 - r) ** 2 + 4.0 * r * e)) < 1e-9
+
+
+def test_a_curve_may_start_on_a_resonance() -> None:
+    """From R1 the Neimark-Sacker curve leaves inwards, whatever direction is asked for."""
+    problem = map_problem(delayed_logistic(), NS, (0, 0), ("r", "e"))
+    begin = start([1.0 / 3.0, 1.0 / 3.0], (3.0, -1.0 / 3.0), 0.0)
+    for direction in (1, -1):
+        run = trace(problem, begin, CurveOptions(((1.5, 5.0), (-2.0, 2.0)), direction=direction))
+        assert run.result.stop is CurveStop.RANGE
+        assert run.points[-1].parameters[0] == 1.5
+        assert kinds(run) == []
+
+
+def test_cusp() -> None:
+    half = math.sqrt(0.1)
+    begin = start([half, 1.25 * half], (-2.0 * half**3, 0.3))
+    run = trace(map_problem(cusp_map(), FOLD, (0, 0), ("m", "n")), begin, CurveOptions(((-1, 1), (-1, 1))))
+    assert kinds(run) == [SpecialKind.CUSP]
+    assert np.allclose(run.specials[0].parameters[:2], 0.0, atol=1e-8)
+    m, n = run.parameters.T
+    assert np.max(np.abs((m / 2.0) ** 2 - (n / 3.0) ** 3)) < 1e-10
+    assert np.min(m) < -0.05
+    assert np.max(m) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "second", "expected"),
+    [
+        ("flip_pair", FLIP, 0.0, SpecialKind.FLIP_NEIMARK_SACKER),
+        ("fold_pair", FOLD, 0.0, SpecialKind.FOLD_NEIMARK_SACKER),
+        ("rotation_pair", NS, 0.0, SpecialKind.DOUBLE_NEIMARK_SACKER),
+        ("flip_real", FLIP, 1.0, SpecialKind.FOLD_FLIP),
+        ("fold_real", FOLD, -1.0, SpecialKind.FOLD_FLIP),
+    ],
+)
+def test_two_critical_events_at_once(name: str, kind, second: float, expected: SpecialKind) -> None:  # type: ignore[no-untyped-def]
+    """Events in independent directions, so that the second lies where its own parameter says."""
+    explicit = product_map(name)
+    half = math.sqrt(0.1)
+    size = explicit.size
+    mixing = np.eye(size) + 0.3 * np.sin(1.0 + np.arange(size * size)).reshape(size, size)
+    at_fold = kind is FOLD
+    state = mixing @ np.array([half if at_fold else 0.0] + [0.0] * (size - 1))
+    m = -2.0 * half**3 if at_fold else 0.0
+    begin = start(state, (second - 0.07, m), 1.0)
+    problem = map_problem(explicit, kind, (m, 0.3, 0.0), ("t", "m"))
+    run = trace(problem, begin, CurveOptions(((second - 0.1, second + 0.1), (-1.0, 1.0)), step=0.05))
+    assert kinds(run) == [expected]
+    assert run.specials[0].parameters[2] == pytest.approx(second, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("second", "expected"),
+    [(0.7, SpecialKind.FOLD_NEIMARK_SACKER), (-1.3, SpecialKind.FLIP_NEIMARK_SACKER)],
+)
+def test_a_real_multiplier_crosses_on_a_neimark_sacker_curve(second: float, expected: SpecialKind) -> None:
+    problem = map_problem(rotation_map(), NS, (0, 1.2, -0.5, 0, 0.8), ("t", "m"))
+    begin = start(np.zeros(3), (second - 0.03, 0.0), 1.2)
+    run = trace(problem, begin, CurveOptions(((second - 0.1, second + 0.1), (-1.0, 1.0)), step=0.05))
+    assert kinds(run) == [expected]
+    assert run.specials[0].parameters[3] == pytest.approx(second, abs=1e-8)
+
+
+def test_strong_resonances_and_chenciner() -> None:
+    problem = map_problem(rotation_map(), NS, (0, 1.2, 0.5, 0, 0.8), ("theta", "m"))
+    run = trace(problem, start(np.zeros(3), (1.2, 0.0), 1.2), CurveOptions(((1.0, 2.5), (-1, 1))))
+    assert kinds(run) == [SpecialKind.R4, SpecialKind.R3]
+    assert run.specials[0].parameters[1] == pytest.approx(math.pi / 2.0, abs=1e-8)
+    assert run.specials[1].parameters[1] == pytest.approx(2.0 * math.pi / 3.0, abs=1e-8)
+    problem = map_problem(rotation_map(), NS, (0, 1.2, 0, 0, 0.8), ("d_r", "m"))
+    run = trace(problem, start(np.zeros(3), (-0.21, 0.0), 1.2), CurveOptions(((-0.3, 0.3), (-1, 1))))
+    assert kinds(run) == [SpecialKind.CHENCINER]
+    assert run.specials[0].parameters[2] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_generalised_flip() -> None:
+    """b = c + q^2 changes its sign at c = -q^2."""
+    problem = map_problem(flip_map(), FLIP, (0, 0.6, 0, 0.5), ("c", "m"))
+    run = trace(problem, start(np.zeros(2), (-0.45, 0.0)), CurveOptions(((-0.5, -0.2), (-1, 1))))
+    assert kinds(run) == [SpecialKind.GENERALISED_FLIP]
+    assert run.specials[0].parameters[2] == pytest.approx(-0.36, abs=1e-8)
+
+
+# --- Cycles of unknown period ---------------------------------------------------------------------
+
+
+def polar_problem(kind, names: tuple[str, str], parameters: tuple[float, ...]) -> CurveProblem:  # type: ignore[no-untyped-def]
+    period_map = PeriodMap(polar_cycles(), DOPRI8, Formulation.AUTONOMOUS, samples=32, minimum_steps=64)
+    options = ShootingOptions(tolerance=1e-11, multiplier_tolerance=1e-10)
+    return CurveProblem(period_map, kind, np.array(parameters), names, options)
+
+
+def test_folds_of_cycles_of_unknown_period() -> None:
+    e = 0.3
+    begin = start([math.sqrt(1 + e), 0, 0, 0], (-2 * e**3, 3 * e * e), period=2 * math.pi / (1 + 0.4 * e))
+    problem = polar_problem(FOLD, ("m", "n"), (0, 0, -0.2, 0.35, 0.4))
+    options = CurveOptions(((-0.2, 0.2), (-1.0, 0.5)), maximum_step=0.1)
+    run = trace(problem, begin, options)
+    assert run.result.stop is CurveStop.RANGE
+    assert kinds(run) == [SpecialKind.CUSP]
+    m, n = run.parameters.T
+    assert np.max(np.abs((m / 2.0) ** 2 - (n / 3.0) ** 3)) < 1e-9
+    excess = np.cbrt(-m / 2.0)
+    periods = [point.cycle.unknowns.period for point in run.points]
+    assert np.allclose(periods, 2.0 * math.pi / (1.0 + 0.4 * excess), rtol=0, atol=1e-7)
+    with pytest.raises(ValueError, match="bordered"):
+        replace(problem, formulation=CurveFormulation.EXTENDED)
+
+
+@BOTH
+def test_neimark_sacker_points_of_cycles_of_unknown_period(formulation: CurveFormulation) -> None:
+    """delta = 0 for every omega, theta = omega T."""
+    e, n = -0.1, -0.5
+    period = 2 * math.pi / (1 + 0.4 * e)
+    problem = replace(
+        polar_problem(NS, ("omega", "delta"), (e**3 - n * e, n, 0, 0, 0.4)), formulation=formulation
+    )
+    begin = start([math.sqrt(1 + e), 0, 0, 0], (0.35, 0.0), period=period)
+    run = trace(problem, begin, CurveOptions(((0.2, 0.4), (-1.0, 1.0)), direction=-1))
+    assert kinds(run) == [SpecialKind.R3, SpecialKind.R4]
+    assert run.specials[0].parameters[3] == pytest.approx(2.0 * math.pi / 3.0 / period, abs=1e-8)
+    assert np.max(np.abs(run.parameters[:, 1])) < 1e-9
+    assert run.points[-1].angle == pytest.approx(0.2 * period, abs=1e-9)
+    assert all(point.normal_form is None for point in run.points)
+
+
+# --- The loop -------------------------------------------------------------------------------------
+
+
+def test_restart_gives_the_same_bits() -> None:
+    problem = map_problem(delayed_logistic(), NS, (0, 0), ("r", "e"))
+    options = CurveOptions(((0.5, 5.0), (-2.0, 2.0)), max_points=12)
+    whole = trace(problem, start([0.5, 0.5], (2.0, 0.0), math.pi / 3.0), options)
+    assert whole.result.stop is CurveStop.MAXIMUM_POINTS
+    half = CurveState.from_arrays(pickle.loads(pickle.dumps(whole.states[5].arrays())))
+    rest = trace(problem, half, options)
+    assert [state.index for state in rest.states] == list(range(6, 12))
+    for old, new in zip(whole.states[6:], rest.states, strict=True):
+        for name, value in old.arrays().items():
+            assert np.asarray(value).tobytes() == np.asarray(new.arrays()[name]).tobytes(), name
+
+
+def test_every_other_way_to_stop() -> None:
+    problem = map_problem(henon(), FLIP, (0, 0), ("a", "b"))
+    options = CurveOptions(PLANE, max_points=5)
+    limited = trace(problem, HENON_FLIP, options, limit=lambda p: "far" if p.parameters[0] > 0.4 else None)
+    assert (limited.result.stop, limited.result.message) == (CurveStop.LIMIT, "far")
+    assert all(point.parameters[0] <= 0.4 for point in limited.points)
+    interrupted = trace(problem, HENON_FLIP, options, should_stop=lambda: True)
+    assert interrupted.result.stop is CurveStop.INTERRUPTED
+    assert len(interrupted.points) == 1
+    nowhere = trace(problem, start([40.0, -30.0], (3.0, 2.0)), options)
+    assert nowhere.result.stop is CurveStop.START_FAILED
+    assert nowhere.result.message
+    with pytest.raises(ValueError, match="outside the range"):
+        trace(problem, start([0, 0], (9.0, 0.0)), options)
+    # one iteration is never enough
+    hasty = replace(problem, options=replace(problem.options, iterations=1))
+    stopped = trace(hasty, HENON_FLIP, replace(options, step=0.05, minimum_step=0.02))
+    assert stopped.result.stop is CurveStop.MINIMUM_STEP
+    assert "more" in stopped.result.message
+    assert all(stop.advice for stop in CurveStop)
+
+
+def test_ranges_are_hit_exactly() -> None:
+    problem = map_problem(henon(), FLIP, (0, 0), ("a", "b"))
+    for direction, end in ((1, (1.3, None)), (-1, (None, 0.6))):
+        run = trace(problem, HENON_FLIP, CurveOptions(((0.1, 1.3), (-2.0, 0.6)), direction=direction))
+        assert run.result.stop is CurveStop.RANGE
+        for value, wanted in zip(run.points[-1].parameters, end, strict=True):
+            assert wanted is None or value == wanted
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("ranges", ((1.0, 0.0), (0.0, 1.0))),
+        ("direction", 0),
+        ("step", 1.0),
+        ("max_points", 0),
+        ("minimum_cosine", 1.0),
+        ("parameter_scales", (0.0, 1.0)),
+    ],
+)
+def test_options_are_checked(field: str, value: object) -> None:
+    with pytest.raises(ValueError):
+        CurveOptions(**({"ranges": PLANE} | {field: value}))  # type: ignore[arg-type]
+
+
+def test_problems_are_checked() -> None:
+    for names in (("a", "a"), ("a", "unknown")):
+        with pytest.raises(ValueError):
+            map_problem(henon(), FLIP, (0, 0), names)
+    with pytest.raises(ValueError, match="parameters given"):
+        map_problem(henon(), FLIP, (0,), ("a", "b"))
