@@ -34,6 +34,7 @@ import scipy.linalg
 
 from pipelines.bifurcations.detection import EventKind, nontrivial
 from pipelines.bifurcations.plane import (
+    RESIDUAL_TOLERANCE,
     MapAt,
     Position,
     SurfaceLinearisation,
@@ -43,11 +44,12 @@ from pipelines.bifurcations.plane import (
     outside,
 )
 from pipelines.orbits.floquet import Complex, orthonormal
+from pipelines.orbits.period_map import PeriodImage
 from pipelines.orbits.system import Matrix, Vector
 
 _PAIR_ITERATIONS = 12
 _PAIR_TOLERANCE = 1e-12
-_LEFT_TOLERANCE = 1e-7  # of the derivatives of a test function: they only steer
+_LEFT_TOLERANCE = 1e-5  # of the derivatives of a test function: they only steer
 
 
 @dataclass(frozen=True)
@@ -116,12 +118,21 @@ class CriticalPass:
     swept: Swept
 
 
-def critical_pass(at: MapAt, basis: Matrix, vectors: Vectors) -> CriticalPass | None:
+def critical_pass(
+    at: MapAt, basis: Matrix, vectors: Vectors, warm: SurfaceLinearisation | None = None
+) -> CriticalPass | None:
     """One full pass with the critical vectors and the sweeps that belong to it; None when it diverges."""
-    kind, columns = at.problem.kind, basis.shape[1]
     image = at.full_pass(np.hstack([basis, vectors.columns]))
-    if not image.finite:
-        return None
+    return swept_pass(at, basis, vectors, image, warm) if image.finite else None
+
+
+def swept_pass(
+    at: MapAt, basis: Matrix, vectors: Vectors, image: PeriodImage, warm: SurfaceLinearisation | None = None
+) -> CriticalPass:
+    """The sweeps that belong to a full pass with the columns [basis, vectors]; ``warm`` as in
+    ``linearise``.
+    """
+    kind, columns = at.problem.kind, basis.shape[1]
     mapped = image.columns[:, columns:]
     phase = image.phase_columns[columns:]
     image = replace(
@@ -137,7 +148,7 @@ def critical_pass(at: MapAt, basis: Matrix, vectors: Vectors) -> CriticalPass | 
     if _with_period(at):
         defect = defect + image.inhomogeneous[:, -1:] * vectors.period
         phase_defect = float(phase[0] + image.phase_inhomogeneous[-1] * vectors.period)
-    linear, swept = linearise(at, basis, image, defect, np.linalg.inv(matrix))
+    linear, swept = linearise(at, basis, image, defect, np.linalg.inv(matrix), warm)
     return CriticalPass(linear, vectors, matrix, defect, phase_defect, swept)
 
 
@@ -210,8 +221,7 @@ def _error(passed: CriticalPass, vectors: Matrix) -> float:
     linear = passed.linear
     slow = linear.basis.T @ vectors
     leak = np.linalg.norm(outside(linear.basis, linear.image.columns @ slow)) / np.linalg.norm(slow)
-    options = linear.at.problem.options
-    sweeps = 0.0 if slow.shape[0] == vectors.shape[0] else options.picard_tolerance
+    sweeps = 0.0 if slow.shape[0] == vectors.shape[0] else RESIDUAL_TOLERANCE
     return float(np.linalg.norm(passed.defect) / np.linalg.norm(vectors) * (leak + sweeps))
 
 
@@ -308,7 +318,7 @@ def critical_derivatives(
     count = critical.right.shape[1]
     weights = None if critical.right_period is None else np.array([critical.right_period])
     slopes, phases = map_slopes(at, critical.right, weights, directions)
-    left = left_products(at, basis, critical, slopes, phases)
+    left = left_products(at, basis, critical, slopes, phases, _LEFT_TOLERANCE)
     parts = [left[:, count * i : count * (i + 1)] for i in range(len(directions))]
     return CriticalDerivatives(
         np.array([np.sum(critical.weights * part) for part in parts]),
@@ -316,8 +326,10 @@ def critical_derivatives(
     )
 
 
-def left_products(at: MapAt, basis: Matrix, critical: Critical, columns: Matrix, phases: Vector) -> Matrix:
-    """p'x for all ``columns`` x (N, c) with their phase rows (c,): (m, c)."""
+def left_products(
+    at: MapAt, basis: Matrix, critical: Critical, columns: Matrix, phases: Vector, tolerance: float
+) -> Matrix:
+    """p'x for all ``columns`` x (N, c) with their phase rows (c,): (m, c); relative ``tolerance``."""
     total = critical.left.T @ (basis.T @ columns) + critical.left_phase * phases
     if basis.shape[0] == basis.shape[1]:
         return np.asarray(total)
@@ -327,7 +339,7 @@ def left_products(at: MapAt, basis: Matrix, critical: Critical, columns: Matrix,
         passed = at.tangent(rest)
         term = critical.left.T @ (basis.T @ passed.columns) + critical.left_phase * passed.phase_columns
         total = total + power @ term
-        if np.max(np.abs(power @ term)) <= _LEFT_TOLERANCE * np.max(np.abs(total)):
+        if np.max(np.abs(power @ term)) <= tolerance * np.max(np.abs(total)):
             break
         power, rest = inverse @ power, outside(basis, passed.columns)
     return np.asarray(total)

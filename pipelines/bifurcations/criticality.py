@@ -36,6 +36,7 @@ from pipelines.bifurcations.critical import (
     critical_derivatives,
     critical_of,
     critical_pass,
+    swept_pass,
     vectors_of,
 )
 from pipelines.bifurcations.detection import EventKind
@@ -177,27 +178,29 @@ def settled(found: CriticalCycle, frame: Frame, tolerance: float) -> CriticalCyc
     ``tolerance``: residual asked of every multiplier above ``checked_modulus``, with at most
     ``multiplier_sweeps`` passes; the point itself does not depend on the basis.
     """
-    options = found.linear.at.problem.options
+    at, options = found.linear.at, found.linear.at.problem.options
+    basis, image = found.basis, found.linear.image
+    vectors = Vectors(found.critical.right, found.critical.right_period or 0.0)
     for _ in range(options.multiplier_sweeps):
-        spectrum = floquet_spectrum(found.basis, found.linear.image.columns)
+        spectrum = floquet_spectrum(basis, image.columns[:, : basis.shape[1]])
         if np.all(spectrum.residuals[np.abs(spectrum.multipliers) > options.checked_modulus] <= tolerance):
             break
-        basis = following(found.basis, found.linear.image.columns)
-        vectors = Vectors(found.critical.right, found.critical.right_period or 0.0)
-        passed = critical_pass(found.linear.at, basis, vectors)
-        critical = None if passed is None else critical_of(passed, frame)
-        if passed is None or critical is None:
-            break
-        found = CriticalCycle(passed.linear, critical, found.gradient)
-    return found
+        basis = following(basis, image.columns[:, : basis.shape[1]])
+        image = at.full_pass(np.hstack([basis, vectors.columns]))
+    if basis is found.basis:
+        return found
+    passed = swept_pass(at, basis, vectors, image, found.linear)
+    critical = critical_of(passed, frame)
+    return found if critical is None else CriticalCycle(passed.linear, critical, found.gradient)
 
 
 def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -> CurveCorrection:
     history, vectors = _History(), vectors_of(frame, at.problem.kind)
     gradient, last = closing.gradient, 0.0
     moved: Position | None = None
+    linear: SurfaceLinearisation | None = None
     for _ in range(at.problem.options.iterations + 1):
-        passed = critical_pass(at, basis, vectors)
+        passed = critical_pass(at, basis, vectors, linear)
         if passed is None:
             return history.ended(NewtonStop.NON_FINITE)
         critical = critical_of(passed, frame)
@@ -264,11 +267,15 @@ def _correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
     if critical is None:
         return history.ended(NewtonStop.SINGULAR)
     vectors, angle = _first_vectors(critical)
-    reference = vectors
+    reference, passed = vectors, opening
     for iteration in range(at.problem.options.iterations + 1):
-        passed = critical_pass(at, basis, Vectors(vectors)) if iteration else _mapped(opening, vectors)
-        if passed is None:
-            return history.ended(NewtonStop.NON_FINITE)
+        if iteration == 0:
+            passed = _mapped(opening, vectors)
+        else:
+            following_pass = critical_pass(at, basis, Vectors(vectors), passed.linear)
+            if following_pass is None:
+                return history.ended(NewtonStop.NON_FINITE)
+            passed = following_pass
         linear = passed.linear
         defect = passed.defect + vectors @ (passed.matrix - _rotation(kind, angle)[0])
         size = float(np.max(np.abs(defect)) / np.max(np.abs(vectors)))
@@ -343,7 +350,7 @@ def _extended_step(
         parts.append(-vectors @ derivative)
     inverse = np.kron(np.eye(len(parts)), np.linalg.inv(matrix))
     sources = np.hstack(parts)
-    swept = sweep(at, basis, sources, inverse)
+    swept = sweep(at, basis, sources, inverse, at.problem.options.picard_tolerance)
     # (H Y - Y A) + V'(x + M q_x) = 0 for vec(Y) column by column
     projected = basis.T @ linear.image.columns
     size = count * columns

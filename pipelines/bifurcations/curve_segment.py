@@ -30,7 +30,7 @@ from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import Cycle
 from pipelines.orbits.system import Matrix, Vector
 
-_RECORDED = 1e-6  # residual asked of the multipliers of an ordinary point
+_RECORDED = 1e-7  # residual asked of the multipliers of an ordinary point
 _DIP = 0.5  # share of the nearer end below which a minimum of 1 -+ kappa inside a segment is looked at
 
 

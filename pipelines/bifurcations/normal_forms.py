@@ -25,7 +25,8 @@ from pipelines.bifurcations.plane import MapAt, Position, SurfaceLinearisation, 
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.system import Matrix, Vector
 
-_SOLVE_TOLERANCE = 1e-9  # of the Picard part of h, h11 and h20
+_SOLVE_TOLERANCE = 1e-7  # of the Picard part of h, h11 and h20 and of the left products
+_SHORTER = 0.1  # step of the first derivatives, in steps of the second
 _STRONG_RESONANCE = 1e-6  # distance of kappa from 1 or -1 below which d is not defined
 
 
@@ -82,7 +83,7 @@ def normal_form(
 
 def _fold(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
     q, scale = _unit(critical)
-    first, _ = _Differences(linear.at, q[:, 0], options).of(q)
+    first, _ = _Differences(linear.at, q[:, 0], options).of(q, linear.at.tangent(q).columns)
     # a = p.B(q, q) / 2
     return 0.5 * _left(linear, critical, first)[0] / scale
 
@@ -93,10 +94,8 @@ def _period_doubling(linear: SurfaceLinearisation, critical: Critical, options: 
     quadratic, cubic = along.of(q, linear.at.tangent(q).columns)
     # (I - M) h = B(q, q), for the fine and the coarse differences side by side
     h = _solve(linear, 1.0, quadratic.astype(complex)).real
-    fine, coarse = (np.ascontiguousarray(h[:, i : i + 1]) for i in range(2))
-    mixed, _ = along.of(np.hstack([fine, coarse]))
-    # b = p.[C(q, q, q) + 3 B(q, h)] / 6; columns of mixed: both h by fine, then both by coarse differences
-    total = cubic + 3.0 * mixed[:, [0, 3]]
+    # b = p.[C(q, q, q) + 3 B(q, h)] / 6
+    total = cubic + 3.0 * along.first(h)
     return _left(linear, critical, total)[0] / (6.0 * scale)
 
 
@@ -108,9 +107,8 @@ def _unit(critical: Critical) -> tuple[Matrix, float]:
 
 
 def _left(linear: SurfaceLinearisation, critical: Critical, columns: Matrix) -> Complex:
-    return left_products(linear.at, linear.basis, critical, columns, np.zeros(columns.shape[1])).astype(
-        complex
-    )
+    phases = np.zeros(columns.shape[1])
+    return left_products(linear.at, linear.basis, critical, columns, phases, _SOLVE_TOLERANCE).astype(complex)
 
 
 def _neimark_sacker(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
@@ -131,15 +129,9 @@ def _neimark_sacker(linear: SurfaceLinearisation, critical: Critical, options: N
     h11 = _solve(linear, 1.0, (xx + yy).astype(complex)).real
     h20 = _solve(linear, mu * mu, xx - yy + 2j * xy)
     columns = np.hstack([h11, h20.real, h20.imag])
-    along_real, _ = real.of(columns)
-    along_imaginary, _ = imaginary.of(columns)
-    total = np.empty_like(cubic)
-    for i in range(2):
-        # fine differences of the fine h, coarse differences of the coarse h
-        pick = [6 * i + i, 6 * i + 2 + i, 6 * i + 4 + i]
-        (x11, x20r, x20i), (y11, y20r, y20i) = along_real[:, pick].T, along_imaginary[:, pick].T
-        # B(q, h11) = x11 + i y11,   B(q*, h20) = (x - i y)(h20r + i h20i)
-        total[:, i] = cubic[:, i] + 2.0 * (x11 + 1j * y11) + (x20r + y20i) + 1j * (x20i - y20r)
+    (x11, x20r, x20i), (y11, y20r, y20i) = (np.hsplit(d.first(columns), 3) for d in (real, imaginary))
+    # B(q, h11) = x11 + i y11,   B(q*, h20) = (x - i y)(h20r + i h20i)
+    total = cubic + 2.0 * (x11 + 1j * y11) + (x20r + y20i) + 1j * (x20i - y20r)
     products = _left(linear, critical, np.hstack([total.real, total.imag]))
     return np.asarray(left @ (products[:, :2] + 1j * products[:, 2:]) / (2.0 * mu))
 
@@ -156,25 +148,37 @@ def _critical_pair(critical: Critical) -> tuple[complex, Complex, Complex]:
 
 @dataclass(frozen=True)
 class _Differences:
-    """Derivatives of M along one direction by passes at +-h and +-2h."""
+    """Derivatives of M along one direction by passes beside the cycle."""
 
     at: MapAt
     direction: Vector
     options: NormalFormOptions
 
-    def of(self, columns: Matrix, centre: Matrix | None = None) -> tuple[Matrix, Matrix]:
-        """First and, with M ``columns`` at the ``centre``, second derivatives of M columns, each (N, 2 c):
+    @property
+    def step(self) -> float:
+        scale = max(1.0, float(np.max(np.abs(self.at.position.state))))
+        return self.options.difference * scale / float(np.max(np.abs(self.direction)))
+
+    def of(self, columns: Matrix, centre: Matrix) -> tuple[Matrix, Matrix]:
+        """First and second derivatives of M columns, given M ``columns`` at the ``centre``, each (N, 2 c):
         fourth order with h and 2h, then second order with h.
         """
-        scale = max(1.0, float(np.max(np.abs(self.at.position.state))))
-        h = self.options.difference * scale / float(np.max(np.abs(self.direction)))
-        way = Position(self.direction, 0.0, np.zeros(2))
-        m2, m1, p1, p2 = (self.at.beside(way, k * h).tangent(columns).columns for k in (-2, -1, 1, 2))
+        h = self.step
+        m2, m1, p1, p2 = (self._beside(k * h, columns) for k in (-2, -1, 1, 2))
         first = np.hstack([(8.0 * (p1 - m1) - (p2 - m2)) / (12.0 * h), (p1 - m1) / (2.0 * h)])
-        if centre is None:
-            return first, np.zeros_like(first)
         fourth = (16.0 * (p1 + m1) - (p2 + m2) - 30.0 * centre) / (12.0 * h * h)
         return first, np.hstack([fourth, (p1 + m1 - 2.0 * centre) / (h * h)])
+
+    def first(self, columns: Matrix) -> Matrix:
+        """First derivatives of M columns from one pair of passes with a shorter step, where second
+        derivatives would drown in rounding.
+        """
+        h = _SHORTER * self.step
+        return (self._beside(h, columns) - self._beside(-h, columns)) / (2.0 * h)
+
+    def _beside(self, distance: float, columns: Matrix) -> Matrix:
+        way = Position(self.direction, 0.0, np.zeros(2))
+        return self.at.beside(way, distance).tangent(columns).columns
 
 
 def _solve(linear: SurfaceLinearisation, value: complex, columns: Complex) -> Complex:

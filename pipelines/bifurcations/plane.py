@@ -29,6 +29,8 @@ from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, P
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions, Unknowns
 from pipelines.orbits.system import Matrix, Vector
 
+RESIDUAL_TOLERANCE = 1e-3  # of the Picard part of a residual, relative to the residual
+_NO_INFLUENCE = 0.1  # share of the corrector's tolerance below which a Picard change is left alone
 _SHIFT = 2e-5  # central difference of M along a direction whose largest entry is one: h^2 against eps/h
 
 
@@ -247,26 +249,30 @@ class Swept:
 
 
 def sweep(
-    at: MapAt, basis: Matrix, sources: Matrix, inverse: Matrix | None = None, tolerance: float = 0.0
+    at: MapAt,
+    basis: Matrix,
+    sources: Matrix,
+    inverse: Matrix,
+    tolerance: float | Vector,
+    guess: Matrix | None = None,
 ) -> Swept:
-    """Picard sweeps q <- Q (M q + x) A^-1 outside the slow subspace; ``inverse`` (c, c) is A^-1, default one.
+    """Picard sweeps q <- Q (M q + x) A^-1 outside the slow subspace; ``inverse`` (c, c) is A^-1.
 
-    They converge like abs(mu_neglected / eigenvalue of A); ``tolerance`` defaults to ``picard_tolerance``.
+    They converge like abs(mu_neglected / eigenvalue of A), until the change of every column is below its
+    ``tolerance`` times the size of its source, or without influence on the corrector.
     """
     zeros = np.zeros_like(sources)
     if basis.shape[0] == basis.shape[1]:
         return Swept(zeros, zeros, np.zeros(sources.shape[1]))
     options = at.problem.options
-    tolerance = tolerance or options.picard_tolerance
-    inverse = np.eye(sources.shape[1]) if inverse is None else inverse
-    swept = outside(basis, sources) @ inverse
-    sizes = np.linalg.norm(sources, axis=0)
+    swept = outside(basis, sources @ inverse if guess is None else guess)
+    enough = tolerance * np.linalg.norm(sources, axis=0) + _NO_INFLUENCE * options.tolerance
     image, phase = zeros, np.zeros(sources.shape[1])
     for _ in range(options.picard_sweeps):
         passed = at.tangent(swept)
         image, phase = passed.columns, passed.phase_columns
         following = outside(basis, image + sources) @ inverse
-        if np.all(np.linalg.norm(following - swept, axis=0) <= tolerance * sizes):
+        if np.all(np.linalg.norm(following - swept, axis=0) <= enough):
             break
         swept = following
     return Swept(swept, image, phase)
@@ -298,16 +304,31 @@ class SurfaceLinearisation:
 
 
 def linearise(
-    at: MapAt, basis: Matrix, image: PeriodImage, defect: Matrix, inverse: Matrix
+    at: MapAt,
+    basis: Matrix,
+    image: PeriodImage,
+    defect: Matrix,
+    inverse: Matrix,
+    warm: SurfaceLinearisation | None = None,
 ) -> tuple[SurfaceLinearisation, Swept]:
     """The Picard parts that belong to a full pass, and in the same sweeps those of a ``defect`` (N, m) of
     critical vectors: q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
+
+    ``warm``: the last linearisation, whose q_j are first guesses.  The residual and the defect are swept less
+    sharply than the derivatives: what is left of them is corrected in the next iteration.
     """
     sources = np.column_stack([image.state - at.position.state, image.inhomogeneous])
     count, riders = sources.shape[1], defect.shape[1]
     both = np.eye(count + riders)
     both[count:, count:] = inverse
-    swept = sweep(at, basis, np.hstack([sources, defect]), both)
+    tolerances = np.full(count + riders, RESIDUAL_TOLERANCE)
+    tolerances[1:count] = at.problem.options.picard_tolerance
+    together = np.hstack([sources, defect])
+    guess = None
+    if warm is not None:
+        guess = together @ both
+        guess[:, 1:count] = warm.swept.columns[:, 1:]
+    swept = sweep(at, basis, together, both, tolerances, guess)
     surface = Swept(swept.columns[:, :count], swept.image[:, :count], swept.phase[:count])
     rest = Swept(swept.columns[:, count:], swept.image[:, count:], swept.phase[count:])
     return SurfaceLinearisation(at, basis, image, sources, surface), rest
