@@ -74,7 +74,7 @@ class CurveOptions:
     minimum_step: float = 1e-7
     maximum_step: float = 0.05
     max_points: int = 400
-    target_iterations: int = 4
+    target_iterations: int = 5
     minimum_cosine: float = 0.8
     parameter_scales: tuple[float, float] = (1.0, 1.0)
     event_tolerance: float = 1e-11
@@ -116,8 +116,9 @@ class CurveState:
     """Everything the next step depends on, as plain arrays and numbers.
 
     A curve restarted from a copy of it continues with the same bits.  ``state``, the ``tangent_*``, the
-    ``normal_*`` (the second tangent of the surface of cycles, across the curve) and the ``gradient_*`` (row
-    of the test function) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``,
+    ``normal_*`` (the second tangent of the surface of cycles, across the curve), the ``gradient_*`` (row of
+    the test function) and the ``bend_*`` (change of the tangent per arclength in the last step, zero at
+    first) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``,
     ``left_phase``, ``kappa``: the frame of the test function; ``kappa_slope``: d kappa/d arclength;
     ``tests`` (11,): values of the special test functions in the order of ``SpecialKind``; ``step`` is the
     next arclength step; ``start_*``: the first point.
@@ -136,6 +137,9 @@ class CurveState:
     gradient_state: Vector
     gradient_period: float
     gradient_parameters: Vector
+    bend_state: Vector
+    bend_period: float
+    bend_parameters: Vector
     right: Vector
     left: Vector
     right_period: float
@@ -166,6 +170,10 @@ class CurveState:
     @property
     def gradient(self) -> Position:
         return Position(self.gradient_state, self.gradient_period, self.gradient_parameters)
+
+    @property
+    def bend(self) -> Position:
+        return Position(self.bend_state, self.bend_period, self.bend_parameters)
 
     @property
     def start(self) -> Position:

@@ -138,6 +138,9 @@ def _open_curve(
         index=0,
         step=options.step,
         arclength=0.0,
+        bend_state=np.zeros_like(at.state),
+        bend_period=0.0,
+        bend_parameters=np.zeros(2),
         start_state=at.state,
         start_period=at.period,
         start_parameters=at.parameters,
@@ -275,13 +278,13 @@ def _predict_and_correct(
     metric: PlaneMetric,
     reference: PhaseReference | None,
 ) -> CurveSegment | _Rejected:
-    """Tangent predictor and arclength corrector; past the end of a range that parameter is fixed to it
+    """Predictor along the tangent and its bend, arclength corrector; past the end of a range that parameter is fixed to it
     instead.
     """
     across = metric.row(state.normal)
     row = metric.row(state.tangent)
     closing = Closing(row, row.dot(state.position) + state.step, across, state.gradient, metric)
-    guess = state.position.plus(state.tangent, state.step)
+    guess = state.position.plus(state.tangent, state.step).plus(state.bend, 0.5 * state.step**2)
     basis, frame, steps = state.basis, state.frame, state.steps
     found: CurveCorrection | None = None
     for _ in range(3):
@@ -441,8 +444,12 @@ def _advance(problem: CurveProblem, state: CurveState, step: _Step, options: Cur
     """The state after an accepted step; the step length follows the count of the corrector."""
     factor = 2.0 ** ((options.target_iterations - step.end.point.iterations) / 2.0)
     length = state.step * min(2.0, max(0.5, factor))
+    bend = step.end.tangent.minus(state.tangent).scaled(1.0 / step.length)
     return replace(
         state,
+        bend_state=bend.state,
+        bend_period=bend.period,
+        bend_parameters=bend.parameters,
         index=state.index + 1,
         step=min(options.maximum_step, max(options.minimum_step, length)),
         arclength=state.arclength + step.length,
