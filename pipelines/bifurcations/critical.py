@@ -47,6 +47,7 @@ from pipelines.orbits.floquet import Complex, orthonormal
 from pipelines.orbits.period_map import PeriodImage
 from pipelines.orbits.system import Matrix, Vector
 
+_SHARP = 1e-10  # last term of the series for the left vectors
 _PAIR_ITERATIONS = 12
 _PAIR_TOLERANCE = 1e-12
 _LEFT_TOLERANCE = 1e-5  # of the derivatives of a test function: they only steer
@@ -343,6 +344,41 @@ def left_products(
             break
         power, rest = inverse @ power, outside(basis, passed.columns)
     return np.asarray(total)
+
+
+def with_sharp_left(linear: SurfaceLinearisation, critical: Critical) -> Critical:
+    """The same with left vectors that do not suffer from what V lacks to be invariant.
+
+    With R = Q M V, eliminating the part of p outside V from p'M = mu p' leaves the small matrix
+
+        p_V' (H + V'M R / mu + V'M Q M R / mu^2 + ... - mu I) = 0
+
+    for the price of a pass with all columns per term.  A fold of unknown period is returned as it is.
+    """
+    basis, columns = linear.basis, linear.basis.shape[1]
+    if basis.shape[0] == columns or critical.right_period is not None:
+        return critical
+    multipliers = np.linalg.eigvals(critical.matrix).astype(complex)
+    mu = complex(multipliers[np.argmax(multipliers.imag)])
+    reduced = (basis.T @ linear.image.columns).astype(complex)
+    rest, power = outside(basis, linear.image.columns), 1.0 / mu
+    for _ in range(linear.at.problem.options.multiplier_sweeps):
+        passed = linear.at.tangent(rest).columns
+        term = power * (basis.T @ passed)
+        reduced += term
+        if np.max(np.abs(term)) <= _SHARP:
+            break
+        rest, power = outside(basis, passed), power / mu
+    null = np.linalg.svd((reduced - mu * np.eye(columns)).T)[2][-1].conj()
+    if critical.right.shape[1] == 1:
+        vector = null.real if np.linalg.norm(null.real) > np.linalg.norm(null.imag) else null.imag
+        old = critical.left[:, 0]
+        left = vector * (float(vector @ old) / float(vector @ vector))
+        right = basis.T @ critical.right[:, 0]
+        aligned = float(right @ left) / float(np.linalg.norm(critical.right) * np.linalg.norm(left))
+        return replace(critical, left=left[:, None], alignment=aligned)
+    pair = np.column_stack([null.real, null.imag])
+    return replace(critical, left=pair @ np.linalg.inv((basis.T @ critical.right).T @ pair))
 
 
 def following_frame(basis: Matrix, critical: Critical) -> Frame:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
@@ -13,6 +13,7 @@ from pipelines.bifurcations.critical import (
     Frame,
     critical_derivatives,
     following_frame,
+    with_sharp_left,
 )
 from pipelines.bifurcations.criticality import (
     Closing,
@@ -71,6 +72,8 @@ def curve_end(
     """
     sharp = found.linear.at.problem.options.multiplier_tolerance
     found = settled(found, frame, sharp if precise else max(sharp, _RECORDED))
+    if precise or options is not None:
+        found = replace(found, critical=with_sharp_left(found.linear, found.critical))
     linear, critical, metric = found.linear, found.critical, closing.metric
     step = surface_step(linear, (closing.row, closing.across), (0.0, 0.0))
     if step is None:

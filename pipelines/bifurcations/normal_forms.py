@@ -82,33 +82,28 @@ def normal_form(
 
 
 def _fold(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
-    q, scale = _unit(critical)
-    first, _ = _Differences(linear.at, q[:, 0], options).of(q, linear.at.tangent(q).columns)
+    q = critical.right / np.linalg.norm(critical.right)
+    quadratic, _ = _Differences(linear.at, q[:, 0], options).of(q, linear.at.tangent(q).columns)
     # a = p.B(q, q) / 2
-    return 0.5 * _left(linear, critical, first)[0] / scale
+    return 0.5 * _left(linear, critical, quadratic, q)[0]
 
 
 def _period_doubling(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
-    q, scale = _unit(critical)
+    q = critical.right / np.linalg.norm(critical.right)
     along = _Differences(linear.at, q[:, 0], options)
     quadratic, cubic = along.of(q, linear.at.tangent(q).columns)
     # (I - M) h = B(q, q), for the fine and the coarse differences side by side
     h = _solve(linear, 1.0, quadratic.astype(complex)).real
     # b = p.[C(q, q, q) + 3 B(q, h)] / 6
-    total = cubic + 3.0 * along.first(h)
-    return _left(linear, critical, total)[0] / (6.0 * scale)
+    return _left(linear, critical, cubic + 3.0 * along.first(h), q)[0] / 6.0
 
 
-def _unit(critical: Critical) -> tuple[Matrix, float]:
-    """q of unit length and p.q of the unscaled left vector."""
-    q = critical.right / np.linalg.norm(critical.right)
-    lengths = float(np.linalg.norm(critical.left))
-    return q, critical.alignment * lengths
-
-
-def _left(linear: SurfaceLinearisation, critical: Critical, columns: Matrix) -> Complex:
-    phases = np.zeros(columns.shape[1])
-    return left_products(linear.at, linear.basis, critical, columns, phases, _SOLVE_TOLERANCE).astype(complex)
+def _left(linear: SurfaceLinearisation, critical: Critical, columns: Matrix, q: Matrix) -> Complex:
+    """p.x for ``columns`` x with p.q = 1 for the real critical vectors ``q`` (N, m): (m, c)."""
+    together = np.hstack([q, columns])
+    phases, count = np.zeros(together.shape[1]), q.shape[1]
+    products = left_products(linear.at, linear.basis, critical, together, phases, _SOLVE_TOLERANCE)
+    return np.linalg.solve(products[:, :count], products[:, count:]).astype(complex)
 
 
 def _neimark_sacker(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
@@ -132,7 +127,8 @@ def _neimark_sacker(linear: SurfaceLinearisation, critical: Critical, options: N
     (x11, x20r, x20i), (y11, y20r, y20i) = (np.hsplit(d.first(columns), 3) for d in (real, imaginary))
     # B(q, h11) = x11 + i y11,   B(q*, h20) = (x - i y)(h20r + i h20i)
     total = cubic + 2.0 * (x11 + 1j * y11) + (x20r + y20i) + 1j * (x20i - y20r)
-    products = _left(linear, critical, np.hstack([total.real, total.imag]))
+    # L'x with L'W = 1, then p = l'L'
+    products = _left(linear, critical, np.hstack([total.real, total.imag]), critical.right)
     return np.asarray(left @ (products[:, :2] + 1j * products[:, 2:]) / (2.0 * mu))
 
 
