@@ -61,10 +61,10 @@ def special_tests(
     first, second = np.triu_indices(len(others), k=1)
     folds, flips = signed_smallest(1.0 - others), signed_smallest(1.0 + others)
     pairs = signed_smallest(1.0 - others[first] * others[second])
-    kappa = critical.kappa
-    found: dict[SpecialKind, float]
-    if kind is EventKind.NEIMARK_SACKER:
-        found = {
+    form = math.nan if coefficient is None else coefficient.coefficient.real
+    kappa, aligned = critical.kappa, critical.alignment
+    tests = {
+        EventKind.NEIMARK_SACKER: {
             SpecialKind.R1: 1.0 - kappa,
             SpecialKind.R2: 1.0 + kappa,
             SpecialKind.R3: 0.5 + kappa,
@@ -72,24 +72,22 @@ def special_tests(
             SpecialKind.FOLD_NEIMARK_SACKER: folds,
             SpecialKind.FLIP_NEIMARK_SACKER: flips,
             SpecialKind.DOUBLE_NEIMARK_SACKER: pairs,
-            SpecialKind.CHENCINER: math.nan if coefficient is None else coefficient.coefficient.real,
-        }
-    elif kind is EventKind.PERIOD_DOUBLING:
-        b = math.nan if coefficient is None else coefficient.coefficient.real * critical.alignment
-        found = {
-            SpecialKind.R2: critical.alignment,
+            SpecialKind.CHENCINER: form,
+        },
+        EventKind.PERIOD_DOUBLING: {
+            SpecialKind.R2: aligned,
             SpecialKind.FOLD_FLIP: folds,
             SpecialKind.FLIP_NEIMARK_SACKER: pairs,
-            SpecialKind.GENERALISED_FLIP: b,
-        }
-    else:
-        found = {
-            SpecialKind.R1: folds if autonomous else critical.alignment,
+            SpecialKind.GENERALISED_FLIP: form * aligned,
+        },
+        EventKind.FOLD: {
+            SpecialKind.R1: folds if autonomous else aligned,
             SpecialKind.FOLD_FLIP: flips,
             SpecialKind.FOLD_NEIMARK_SACKER: pairs,
             SpecialKind.CUSP: curvature,
-        }
-    return np.array([found.get(special, math.nan) for special in SpecialKind])
+        },
+    }
+    return np.array([tests[kind].get(special, math.nan) for special in SpecialKind])
 
 
 def crossed(before: Vector, after: Vector) -> tuple[SpecialKind, ...]:

@@ -8,24 +8,20 @@ import numpy as np
 from scipy.optimize import brentq
 
 from pipelines.bifurcations.codimension_two import genuine, other_multipliers, special_tests
+from pipelines.bifurcations.correction import Closing, CriticalCycle, CurveCorrection
 from pipelines.bifurcations.critical import (
     Critical,
     Frame,
     critical_derivatives,
-    following_frame,
     with_sharp_left,
 )
-from pipelines.bifurcations.criticality import (
-    Closing,
-    CriticalCycle,
-    CurveCorrection,
-    correct_critical,
-    settled,
-)
 from pipelines.bifurcations.curve import CurvePoint, SpecialKind, SpecialPoint
+from pipelines.bifurcations.curve_corrector import correct_critical, settled
 from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.frames import following_frame
 from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions, normal_form
-from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position, surface_step
+from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
+from pipelines.bifurcations.surface import surface_step
 from pipelines.orbits.floquet import floquet_spectrum
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import Cycle
@@ -74,42 +70,68 @@ def curve_end(
     found = settled(found, frame, sharp if precise else max(sharp, _RECORDED))
     if precise or options is not None:
         found = replace(found, critical=with_sharp_left(found.linear, found.critical))
-    linear, critical, metric = found.linear, found.critical, closing.metric
-    step = surface_step(linear, (closing.row, closing.across), (0.0, 0.0))
-    if step is None:
+    linear, critical = found.linear, found.critical
+    slopes = _surface_slopes(found, closing)
+    if slopes is None:
         return None
-    first = metric.unit(step.along)
-    second = metric.unit(step.across.plus(first, -metric.inner(first, step.across)))
-    directions = [first, second]
-    fold = linear.at.problem.kind is EventKind.FOLD
-    if fold:
-        directions.append(Position(critical.right[:, 0], critical.right_period or 0.0, np.zeros(2)))
-    derivatives = critical_derivatives(linear.at, linear.basis, critical, tuple(directions))
-    slopes, traces = derivatives.values, derivatives.traces
-    g1, g2 = float(slopes[0]), float(slopes[1])
+    (first, second), (g1, g2), (trace1, trace2) = slopes
     size = float(np.hypot(g1, g2))
     if not (size > 0.0 and np.isfinite(size)):
         return None
+    metric = closing.metric
     tangent = first.scaled(g2 / size).plus(second, -g1 / size)
     turned = -1.0 if metric.inner(tangent, sense) < 0.0 else 1.0
     tangent = tangent.scaled(turned)
-    kappa_slope = 0.5 * turned * float(g2 * traces[0] - g1 * traces[1]) / size
     normal = first.scaled(g1 / size).plus(second, g2 / size)
-    gradient = found.gradient
-    gradient = gradient.plus(metric.row(tangent), -gradient.dot(tangent))
+    gradient = found.gradient.plus(metric.row(tangent), -found.gradient.dot(tangent))
     gradient = gradient.plus(metric.row(normal), size - gradient.dot(normal))
-    curvature = -float(slopes[2]) / _lengths(critical) if fold else 0.0
     point = _point(correction, found, options)
     tests = special_tests(
         linear.at.problem.kind,
         point.cycle.spectrum.multipliers,
         critical,
         point.normal_form,
-        curvature,
+        _fold_curvature(found),
         linear.at.problem.period_map.autonomous,
     )
-    handed = following_frame(linear.basis, critical)
-    return CurveEnd(point, found.position, tangent, normal, gradient, handed, tests, kappa_slope)
+    return CurveEnd(
+        point,
+        found.position,
+        tangent,
+        normal,
+        gradient,
+        following_frame(linear.basis, critical),
+        tests,
+        kappa_slope=0.5 * turned * (g2 * trace1 - g1 * trace2) / size,
+    )
+
+
+Pair = tuple[float, float]
+
+
+def _surface_slopes(
+    found: CriticalCycle, closing: Closing
+) -> tuple[tuple[Position, Position], Pair, Pair] | None:
+    """Orthonormal tangents of the surface of cycles with the derivatives of g and of tr A along them."""
+    linear, metric = found.linear, closing.metric
+    step = surface_step(linear, (closing.row, closing.across), (0.0, 0.0))
+    if step is None:
+        return None
+    first = metric.unit(step.along)
+    second = metric.unit(step.across.plus(first, -metric.inner(first, step.across)))
+    derivatives = critical_derivatives(linear.at, linear.basis, found.critical, (first, second))
+    values, traces = derivatives.values, derivatives.traces
+    return (first, second), (float(values[0]), float(values[1])), (float(traces[0]), float(traces[1]))
+
+
+def _fold_curvature(found: CriticalCycle) -> float:
+    """p.B(q, q) for p and q of unit length: zero at a cusp; not needed on other curves."""
+    linear, critical = found.linear, found.critical
+    if linear.at.problem.kind is not EventKind.FOLD:
+        return 0.0
+    along = Position(critical.right[:, 0], critical.right_period or 0.0, np.zeros(2))
+    slope = critical_derivatives(linear.at, linear.basis, critical, (along,)).values[0]
+    return -float(slope) / _lengths(critical)
 
 
 def _lengths(critical: Critical) -> float:

@@ -21,7 +21,8 @@ import numpy as np
 
 from pipelines.bifurcations.critical import Critical, left_products
 from pipelines.bifurcations.detection import EventKind
-from pipelines.bifurcations.plane import MapAt, Position, SurfaceLinearisation, sweep
+from pipelines.bifurcations.plane import MapAt, Position
+from pipelines.bifurcations.surface import SurfaceLinearisation, sweep
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.system import Matrix, Vector
 

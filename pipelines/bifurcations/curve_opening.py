@@ -1,0 +1,173 @@
+"""The first point of a bifurcation curve: its frame, its tangent and its sense."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipelines.bifurcations.codimension_two import resonant_end
+from pipelines.bifurcations.correction import Closing, CriticalCycle
+from pipelines.bifurcations.critical import (
+    Frame,
+    critical_derivatives,
+    critical_pass,
+)
+from pipelines.bifurcations.criticality import critical_of
+from pipelines.bifurcations.curve import (
+    CurveOptions,
+    CurvePoint,
+    CurveResult,
+    CurveStart,
+    CurveState,
+    CurveStop,
+)
+from pipelines.bifurcations.curve_corrector import correct_critical
+from pipelines.bifurcations.curve_segment import CurveEnd, curve_end
+from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.frames import first_frame, vectors_of
+from pipelines.bifurcations.plane import (
+    CurveProblem,
+    MapAt,
+    PlaneMetric,
+    Position,
+)
+from pipelines.bifurcations.surface import (
+    surface_tangents,
+)
+from pipelines.orbits.floquet import adapted_basis
+from pipelines.orbits.shooting import (
+    correct,
+    first_basis,
+    needed_steps,
+    reference_of,
+)
+from pipelines.orbits.system import Matrix
+
+
+def open_curve(
+    problem: CurveProblem, start: CurveStart, options: CurveOptions, metric: PlaneMetric
+) -> tuple[CurvePoint, CurveState] | CurveResult:
+    """Correct the guess at right angles to the curve and orient the curve."""
+    for name, value, interval in zip(problem.names, start.parameters, options.ranges, strict=True):
+        if not interval[0] <= value <= interval[1]:
+            raise ValueError(f"the start {name} = {value} lies outside the range {interval}")
+    guess = problem.consistent(
+        Position(np.array(start.state, dtype=float), start.period, np.array(start.parameters, dtype=float))
+    )
+    unknowns, cycles = problem.unknowns(guess), problem.cycle_problem(guess)
+    steps = needed_steps(cycles, unknowns)
+    opened = _open_with(problem, start, options, metric, guess, first_basis(cycles, unknowns, steps), steps)
+    if isinstance(opened, CurveEnd) and (needed := needed_steps_at(problem, opened)) > steps:
+        opened = _open_with(
+            problem, start, options, metric, opened.position, opened.point.cycle.basis, needed
+        )
+    if isinstance(opened, str):
+        return CurveResult(CurveStop.START_FAILED, None, opened)
+    at = opened.position
+    state = CurveState(
+        index=0,
+        step=options.step,
+        arclength=0.0,
+        bend_state=np.zeros_like(at.state),
+        bend_period=0.0,
+        bend_parameters=np.zeros(2),
+        start_state=at.state,
+        start_period=at.period,
+        start_parameters=at.parameters,
+        **columns_of(problem, opened),
+    )
+    return opened.point, state
+
+
+def _open_with(
+    problem: CurveProblem,
+    start: CurveStart,
+    options: CurveOptions,
+    metric: PlaneMetric,
+    guess: Position,
+    basis: Matrix,
+    steps: int,
+) -> CurveEnd | str:
+    """The first point with the given number of steps per period, or the reason why there is none."""
+    reference = reference_of(problem.cycle_problem(guess), problem.unknowns(guess), steps)
+    if problem.kind is not EventKind.FOLD:
+        # a guess that is no cycle yet: a cycle at the same parameters first
+        cycles = problem.cycle_problem(guess)
+        constraint = cycles.fixed_parameter(float(guess.parameters[0]))
+        correction = correct(cycles, problem.unknowns(guess), constraint, basis, steps, reference)
+        if correction.cycle is not None:
+            cycle = correction.cycle
+            basis = cycle.basis
+            guess = Position(cycle.unknowns.state, cycle.unknowns.period, guess.parameters)
+    closing_frame = _first_closing(MapAt(problem, guess, steps, reference), basis, start, options, metric)
+    if isinstance(closing_frame, str):
+        return closing_frame
+    closing, frame, along = closing_frame
+    corrected = correct_critical(problem, guess, closing, basis, frame, steps, reference)
+    if corrected.point is None:
+        return corrected.stop.advice
+    end = curve_end(corrected, corrected.point, closing, along, options.normal_form, frame)
+    return "the tangent of the first point is singular" if end is None else end
+
+
+def _first_closing(
+    at: MapAt, basis: Matrix, start: CurveStart, options: CurveOptions, metric: PlaneMetric
+) -> tuple[Closing, Frame, Position] | str:
+    """The plane across the curve at the guess, the frame there and the tangent in the wanted sense."""
+    frame = first_frame(at, basis, start.angle)
+    passed = None if frame is None else critical_pass(at, basis, vectors_of(frame, at.problem.kind))
+    critical = None if frame is None or passed is None else critical_of(passed, frame)
+    if frame is None or passed is None or critical is None:
+        return "the orbit of the guess leaves the domain of the equations or has no critical multipliers"
+    linear = passed.linear
+    first, second = surface_tangents(linear, metric)
+    derivatives = critical_derivatives(at, basis, critical, (first, second))
+    g1, g2 = derivatives.values
+    size = float(np.hypot(g1, g2))
+    if not size > 0.0:
+        return "the test function is stationary at the guess"
+    # dg vanishes along the curve
+    across = first.scaled(g1 / size).plus(second, g2 / size)
+    along = first.scaled(-g2 / size).plus(second, g1 / size)
+    sense = float(along.parameters[0]) * options.direction
+    if resonant_end(at.problem.kind, critical.kappa) is not None:
+        # a Neimark-Sacker curve leaves R1 and R2 inwards, where abs(kappa) < 1
+        sense = -critical.kappa * float(g1 * derivatives.traces[1] - g2 * derivatives.traces[0])
+    along = along.scaled(-1.0 if sense < 0.0 else 1.0)
+    row, beside = metric.row(along), metric.row(across)
+    return Closing(row, row.dot(at.position), beside, beside.scaled(size), metric), frame, along
+
+
+def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
+    """The fields of CurveState that a corrected point determines."""
+    columns: dict[str, Any] = {}
+    for name, value in (("tangent", end.tangent), ("normal", end.normal), ("gradient", end.gradient)):
+        columns[f"{name}_state"] = value.state
+        columns[f"{name}_period"] = value.period
+        columns[f"{name}_parameters"] = value.parameters
+    cycle = end.point.cycle
+    return columns | {
+        "state": end.position.state,
+        "period": end.position.period,
+        "parameters": end.position.parameters,
+        "right": end.frame.right,
+        "left": end.frame.left,
+        "right_period": end.frame.right_period,
+        "left_phase": end.frame.left_phase,
+        "kappa": end.frame.kappa,
+        "kappa_slope": end.kappa_slope,
+        "tests": end.tests,
+        "steps": cycle.steps,
+        "basis": adapted_basis(cycle.basis, cycle.image.columns, problem.options.basis),
+    }
+
+
+def needed_steps_at(problem: CurveProblem, found: CriticalCycle | CurveEnd) -> int:
+    """Steps per period that the stiffness along the orbit of a corrected point asks for."""
+    image = found.linear.image if isinstance(found, CriticalCycle) else found.point.cycle.image
+    period_map, position = problem.period_map, found.position
+    if period_map.steps_per_period is not None:
+        return period_map.steps_for(0.0, position.period)
+    radius = period_map.spectral_radius(image.orbit, problem.parameters_at(position))
+    return period_map.steps_for(radius, position.period)

@@ -1,0 +1,204 @@
+"""Cycles over a plane of two parameters: the surface on which the bifurcation curves are drawn.
+
+The cycles near a point form a surface in the space of (s, T, lambda_1, lambda_2),
+
+    phi(s, T, lambda) - s = 0,      phase(s) = 0
+
+and a bifurcation curve is the line on it where one test function vanishes.  With V an orthonormal basis of
+the slow invariant subspace and ds = V a + q, where every q_x = Q (M q_x + x) is found by Picard sweeps as in
+``pipelines.orbits.shooting``, both the Newton correction towards the surface and its two tangents solve
+
+    | V'(M-I)V   V'(phi_j + M q_j)   V'(phi_T + M q_T) | | a    |     | V'(r + M q_r) |
+    | F V        F_j + F q_j         F_T + F q_T       | | dl_j | = - | F  + F q_r    |
+    | row_s V    row_j + row_s q_j   row_T + row_s q_T | | dT   |     | gap + row q_r |
+
+with j = 1, 2 and two closing rows.  Only a derivative of the test function along each tangent is then wanted,
+never its whole gradient.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipelines.bifurcations.plane import (
+    MapAt,
+    PlaneMetric,
+    Position,
+)
+from pipelines.orbits.period_map import PeriodImage
+from pipelines.orbits.system import Matrix, Vector
+
+RESIDUAL_TOLERANCE = 1e-3  # of the Picard part of a residual, relative to the residual
+_NO_INFLUENCE = 0.1  # share of the corrector's tolerance below which a Picard change is left alone
+
+
+@dataclass(frozen=True)
+class Swept:
+    """Solutions q (N, c) of q A = Q (M q + x), their images M q and phase rows F q (c,)."""
+
+    columns: Matrix
+    image: Matrix
+    phase: Vector
+
+
+def sweep(
+    at: MapAt,
+    basis: Matrix,
+    sources: Matrix,
+    inverse: Matrix,
+    tolerance: float | Vector,
+    guess: Matrix | None = None,
+) -> Swept:
+    """Picard sweeps q <- Q (M q + x) A^-1 outside the slow subspace; ``inverse`` (c, c) is A^-1.
+
+    They converge like abs(mu_neglected / eigenvalue of A), until the change of every column is below its
+    ``tolerance`` times the size of its source, or without influence on the corrector.
+    """
+    zeros = np.zeros_like(sources)
+    if basis.shape[0] == basis.shape[1]:
+        return Swept(zeros, zeros, np.zeros(sources.shape[1]))
+    options = at.problem.options
+    swept = outside(basis, sources @ inverse if guess is None else guess)
+    enough = tolerance * np.linalg.norm(sources, axis=0) + _NO_INFLUENCE * options.tolerance
+    image, phase = zeros, np.zeros(sources.shape[1])
+    for _ in range(options.picard_sweeps):
+        passed = at.tangent(swept)
+        image, phase = passed.columns, passed.phase_columns
+        following = outside(basis, image + sources) @ inverse
+        if np.all(np.linalg.norm(following - swept, axis=0) <= enough):
+            break
+        swept = following
+    return Swept(swept, image, phase)
+
+
+def outside(basis: Matrix, columns: Matrix) -> Matrix:
+    """Q x = x - V V'x."""
+    return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+@dataclass(frozen=True)
+class SurfaceLinearisation:
+    """The map and its derivatives at a position near the surface of cycles.
+
+    ``sources`` (N, 3 or 4): r, phi_1, phi_2 and phi_T; ``swept``: their Picard parts.
+    """
+
+    at: MapAt
+    basis: Matrix
+    image: PeriodImage
+    sources: Matrix
+    swept: Swept
+
+    @property
+    def residual(self) -> float:
+        """Largest entry of phi(s) - s, relative to max(1, largest entry of s), or of the phase."""
+        scale = max(1.0, float(np.max(np.abs(self.at.position.state))))
+        return max(float(np.max(np.abs(self.sources[:, 0]))) / scale, abs(self.image.phase))
+
+
+def linearise(
+    at: MapAt,
+    basis: Matrix,
+    image: PeriodImage,
+    defect: Matrix,
+    inverse: Matrix,
+    warm: SurfaceLinearisation | None = None,
+) -> tuple[SurfaceLinearisation, Swept]:
+    """The Picard parts that belong to a full pass, and in the same sweeps those of a ``defect`` (N, m) of
+    critical vectors: q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
+
+    ``warm``: the last linearisation, whose q_j are first guesses.  The residual and the defect are swept less
+    sharply than the derivatives: what is left of them is corrected in the next iteration.
+    """
+    sources = np.column_stack([image.state - at.position.state, image.inhomogeneous])
+    count, riders = sources.shape[1], defect.shape[1]
+    both = np.eye(count + riders)
+    both[count:, count:] = inverse
+    tolerances = np.full(count + riders, RESIDUAL_TOLERANCE)
+    tolerances[1:count] = at.problem.options.picard_tolerance
+    together = np.hstack([sources, defect])
+    guess = None
+    if warm is not None:
+        guess = together @ both
+        guess[:, 1:count] = warm.swept.columns[:, 1:]
+    swept = sweep(at, basis, together, both, tolerances, guess)
+    surface = Swept(swept.columns[:, :count], swept.image[:, :count], swept.phase[:count])
+    rest = Swept(swept.columns[:, count:], swept.image[:, count:], swept.phase[count:])
+    return SurfaceLinearisation(at, basis, image, sources, surface), rest
+
+
+def surface_rows(linear: SurfaceLinearisation) -> tuple[Matrix, Vector]:
+    """Matrix and right side of the periodicity (and phase) rows; unknowns (a, dl_1, dl_2[, dT])."""
+    basis, image, swept = linear.basis, linear.image, linear.swept
+    # V'(M - I)V a + V'(phi_j + M q_j) dl_j + V'(phi_T + M q_T) dT = -V'(r + M q_r)
+    reduced = basis.T @ (linear.sources + swept.image)
+    matrix = np.hstack([basis.T @ image.columns - np.eye(basis.shape[1]), reduced[:, 1:]])
+    right = -reduced[:, 0]
+    if linear.at.problem.period_map.autonomous:
+        # F V a + (F_j + F q_j) dl_j + (F_T + F q_T) dT = -(F + F q_r)
+        row = np.concatenate([image.phase_columns, image.phase_inhomogeneous + swept.phase[1:]])
+        matrix = np.vstack([matrix, row])
+        right = np.append(right, -image.phase - swept.phase[0])
+    return matrix, right
+
+
+def position_of(linear: SurfaceLinearisation, solution: Vector, with_residual: bool) -> Position:
+    """ds = V a + sum_j q_j dl_j + q_T dT (+ q_r) as a direction."""
+    columns = linear.basis.shape[1]
+    weights = np.concatenate([[1.0 if with_residual else 0.0], solution[columns:]])
+    period = float(solution[columns + 2]) if linear.at.problem.period_map.autonomous else 0.0
+    state = linear.basis @ solution[:columns] + linear.swept.columns @ weights
+    return Position(state, period, solution[columns : columns + 2].copy())
+
+
+@dataclass(frozen=True)
+class SurfaceStep:
+    """The Newton correction towards the surface and its tangents with row_i . tangent_j = 1 for i = j, else
+    0.
+    """
+
+    correction: Position
+    along: Position
+    across: Position
+
+
+def surface_step(
+    linear: SurfaceLinearisation, rows: tuple[Position, Position], gaps: tuple[float, float]
+) -> SurfaceStep | None:
+    """Solve the system drawn at the head of this module for its three right sides; None when it is
+    singular.
+    """
+    matrix, right = surface_rows(linear)
+    basis, swept = linear.basis, linear.swept.columns
+    given = len(right)
+    closing = np.zeros((2, matrix.shape[1]))
+    sides = np.zeros((given + 2, 3))
+    sides[:given, 0] = right
+    for i, row in enumerate(rows):
+        # row_s (V a + q) + row_j dl_j + row_T dT = -gap
+        direct = np.append(row.parameters, row.period)[: swept.shape[1] - 1]
+        closing[i] = np.concatenate([row.state @ basis, direct + row.state @ swept[:, 1:]])
+        sides[given + i, 0] = -gaps[i] - row.state @ swept[:, 0]
+        sides[given + i, 1 + i] = 1.0
+    try:
+        solution = np.asarray(np.linalg.solve(np.vstack([matrix, closing]), sides), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return None
+    if not np.all(np.isfinite(solution)):
+        return None
+    return SurfaceStep(
+        position_of(linear, solution[:, 0], True),
+        position_of(linear, solution[:, 1], False),
+        position_of(linear, solution[:, 2], False),
+    )
+
+
+def surface_tangents(linear: SurfaceLinearisation, metric: PlaneMetric) -> tuple[Position, Position]:
+    """Two orthonormal tangents of the surface without any closing row: the null space of its rows."""
+    matrix, _ = surface_rows(linear)
+    _, _, right = np.linalg.svd(matrix)
+    first, second = (position_of(linear, vector, False) for vector in right[-2:])
+    first = metric.unit(first)
+    return first, metric.unit(second.plus(first, -metric.inner(first, second)))
