@@ -34,6 +34,7 @@ from pipelines.bifurcations.detection import (
     unstable_count,
 )
 from pipelines.bifurcations.segment import Metric, Segment, metric_of
+from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import (
     Constraint,
@@ -49,10 +50,7 @@ from pipelines.orbits.shooting import (
     tangent_at,
 )
 
-_STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
 _UNEXPLAINED = "the number of unstable multipliers changes without an event to explain it"
-_CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
-_SAME = 0.01  # distance within which two points are one, in units of the step: far above corrector errors
 
 
 def continue_branch(
@@ -263,7 +261,7 @@ def _predict_and_correct(
         return correction
     needed = needed_steps(problem, correction.cycle)
     if needed > state.steps:
-        grown = problem.period_map.samples * int(_STEP_GROWTH * needed / problem.period_map.samples + 1)
+        grown = problem.period_map.samples * int(STEP_GROWTH * needed / problem.period_map.samples + 1)
         guess = correction.cycle.unknowns
         again = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
         return _one_history(correction, again)
@@ -340,14 +338,14 @@ def _passes_start(state: BranchState, segment: Segment) -> bool:
     """Whether the segment passes through, or stops just before, the first point of the branch, which it has
     left before.
     """
-    if state.arclength <= 2.0 * segment.length:
-        return False
     offset = state.start.minus(segment.start)
     fraction = segment.metric.inner(offset, segment.chord) / segment.length**2
-    # what is left to the first point beyond the segment would make a needlessly short step
-    if not 0.0 < fraction <= 1.0 + _CLOSED:
-        return False
-    return segment.metric.norm(state.start.minus(segment.guess(fraction))) <= _CLOSED * segment.length
+    return passes_start(
+        state.arclength,
+        segment.length,
+        fraction,
+        lambda at: segment.metric.norm(state.start.minus(segment.guess(at))),
+    )
 
 
 def _land_on_start(segment: Segment, state: BranchState, correction: Correction) -> Correction:
@@ -364,8 +362,7 @@ def _land_on_start(segment: Segment, state: BranchState, correction: Correction)
 
 def _returned(state: BranchState, at: Unknowns, metric: Metric) -> bool:
     """Whether ``at`` is the first point again."""
-    left = state.arclength > 2.0 * state.step
-    return left and metric.norm(at.minus(state.start)) <= _SAME * state.step
+    return is_start(state.arclength, state.step, metric.norm(at.minus(state.start)))
 
 
 def _advance(
@@ -373,8 +370,13 @@ def _advance(
 ) -> BranchState:
     """The state after an accepted step; the step length follows the Newton count."""
     cycle, tangent = step.segment.end, step.segment.end_tangent
-    factor = 2.0 ** ((options.target_iterations - step.point.iterations) / 2.0)
-    length = state.step * min(2.0, max(0.5, factor))
+    length = adapted_length(
+        state.step,
+        step.point.iterations,
+        options.target_iterations,
+        options.minimum_step,
+        options.maximum_step,
+    )
     return replace(
         state,
         index=state.index + 1,
@@ -384,7 +386,7 @@ def _advance(
         tangent_state=tangent.state,
         tangent_period=tangent.period,
         tangent_parameter=tangent.parameter,
-        step=min(options.maximum_step, max(options.minimum_step, length)),
+        step=length,
         arclength=state.arclength + step.segment.length,
         steps=cycle.steps,
         basis=following_basis(problem, cycle),

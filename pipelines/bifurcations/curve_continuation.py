@@ -34,14 +34,11 @@ from pipelines.bifurcations.plane import (
     Position,
     metric_of,
 )
+from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import (
     reference_of,
 )
-
-_STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
-_CLOSED = 0.05  # distance of the first point from the interpolated curve, in units of the step
-_SAME = 0.01  # distance within which two points are one, in units of the step
 
 
 def continue_curve(
@@ -175,7 +172,7 @@ def _predict_and_correct(
     needed = needed_steps_at(problem, found.point)
     if needed > steps:
         samples = problem.period_map.samples
-        steps = samples * int(_STEP_GROWTH * needed / samples + 1)
+        steps = samples * int(STEP_GROWTH * needed / samples + 1)
         again = correct_critical(problem, guess, closing, found.point.basis, frame, steps, reference)
         if again.point is None:
             return _Rejected(again.stop.advice)
@@ -274,14 +271,14 @@ def _passes_start(state: CurveState, segment: CurveSegment) -> bool:
     """Whether the segment passes through, or stops just before, the first point of the curve, which it has
     left before.
     """
-    if state.arclength <= 2.0 * segment.length:
-        return False
     offset = state.start.minus(segment.start)
     fraction = segment.metric.inner(offset, segment.chord) / segment.length**2
-    # what is left to the first point beyond the segment would make a needlessly short step
-    if not 0.0 < fraction <= 1.0 + _CLOSED:
-        return False
-    return segment.metric.norm(state.start.minus(segment.guess(fraction))) <= _CLOSED * segment.length
+    return passes_start(
+        state.arclength,
+        segment.length,
+        fraction,
+        lambda at: segment.metric.norm(state.start.minus(segment.guess(at))),
+    )
 
 
 def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptions) -> CurveEnd | None:
@@ -296,14 +293,18 @@ def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptio
 
 def _returned(state: CurveState, at: Position, metric: PlaneMetric) -> bool:
     """Whether ``at`` is the first point again."""
-    left = state.arclength > 2.0 * state.step
-    return left and metric.norm(at.minus(state.start)) <= _SAME * state.step
+    return is_start(state.arclength, state.step, metric.norm(at.minus(state.start)))
 
 
 def _advance(problem: CurveProblem, state: CurveState, step: _Step, options: CurveOptions) -> CurveState:
     """The state after an accepted step; the step length follows the count of the corrector."""
-    factor = 2.0 ** ((options.target_iterations - step.end.point.iterations) / 2.0)
-    length = state.step * min(2.0, max(0.5, factor))
+    length = adapted_length(
+        state.step,
+        step.end.point.iterations,
+        options.target_iterations,
+        options.minimum_step,
+        options.maximum_step,
+    )
     bend = step.end.tangent.minus(state.tangent).scaled(1.0 / step.length)
     return replace(
         state,
@@ -311,7 +312,7 @@ def _advance(problem: CurveProblem, state: CurveState, step: _Step, options: Cur
         bend_period=bend.period,
         bend_parameters=bend.parameters,
         index=state.index + 1,
-        step=min(options.maximum_step, max(options.minimum_step, length)),
+        step=length,
         arclength=state.arclength + step.length,
         **columns_of(problem, step.end),
     )

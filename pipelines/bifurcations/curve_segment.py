@@ -22,6 +22,7 @@ from pipelines.bifurcations.frames import following_frame
 from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions, normal_form
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
 from pipelines.bifurcations.surface import surface_step
+from pipelines.bifurcations.walking import hermite_weights
 from pipelines.orbits.floquet import floquet_spectrum
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import Cycle
@@ -201,12 +202,12 @@ class CurveSegment:
 
     def guess(self, fraction: float) -> Position:
         """Cubic Hermite interpolation of the curve."""
-        t, h = fraction, self.length
+        start, start_tangent, end, end_tangent = hermite_weights(fraction, self.length)
         return (
-            self.start.scaled(2 * t**3 - 3 * t**2 + 1)
-            .plus(self.start_tangent, h * (t**3 - 2 * t**2 + t))
-            .plus(self.end.position, 3 * t**2 - 2 * t**3)
-            .plus(self.end.tangent, h * (t**3 - t**2))
+            self.start.scaled(start)
+            .plus(self.start_tangent, start_tangent)
+            .plus(self.end.position, end)
+            .plus(self.end.tangent, end_tangent)
         )
 
     def closing_at(self, fraction: float) -> Closing:
@@ -245,9 +246,9 @@ def locate_special(
 ) -> tuple[SpecialPoint | None, CurveEnd] | None:
     """The zero of one test function between the two ``known`` fractions, whose values have opposite signs.
 
-    Returns the point, or None in its place when it turns out to be a neutral saddle, and the corrected end
-    there; None when a point between did not converge.  Every evaluation is a corrected point, so that the
-    root is as sharp as the corrector.
+    Returns the point, or None in its place when it turns out to be a neutral saddle or the noise of a
+    coefficient, and the corrected end there; None when a point between did not converge.  Every evaluation
+    is a corrected point, so that the root is as sharp as the corrector.
     """
     ends: dict[float, CurveEnd] = {}
     with_form = special in (SpecialKind.GENERALISED_FLIP, SpecialKind.CHENCINER)
@@ -272,7 +273,17 @@ def locate_special(
         end = segment.end if fraction == 1.0 else end_at(fraction)
     except _NotConvergedError:
         return None
+    if with_form and _drowned(end, abs(max(known.values()) - min(known.values()))):
+        return None, end
     return _special_point(segment, special, end, fraction), end
+
+
+def _drowned(end: CurveEnd, change: float) -> bool:
+    """Whether the zero of a normal-form coefficient is no more than the error of its differences: a map that
+    is only piecewise smooth has coefficients that jump.
+    """
+    form = end.point.normal_form
+    return form is None or form.error * abs(end.point.alignment) > 0.5 * change
 
 
 def dip_beyond(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from pipelines.bifurcations.walking import hermite_weights
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import (
@@ -76,12 +77,12 @@ class Segment:
 
     def guess(self, fraction: float) -> Unknowns:
         """Cubic Hermite interpolation of the branch."""
-        t, h = fraction, self.length
+        start, start_tangent, end, end_tangent = hermite_weights(fraction, self.length)
         return (
-            self.start.scaled(2 * t**3 - 3 * t**2 + 1)
-            .plus(self.start_tangent, h * (t**3 - 2 * t**2 + t))
-            .plus(self.end.unknowns, 3 * t**2 - 2 * t**3)
-            .plus(self.end_tangent, h * (t**3 - t**2))
+            self.start.scaled(start)
+            .plus(self.start_tangent, start_tangent)
+            .plus(self.end.unknowns, end)
+            .plus(self.end_tangent, end_tangent)
         )
 
     def correct_at(self, fraction: float) -> Correction:

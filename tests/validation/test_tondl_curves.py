@@ -7,6 +7,7 @@ forcing frequency of a tabulated point lands exactly there, so that the other nu
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms import NormalFormOptions
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import joined_curve
-from pipelines.orbits.period_map import PeriodMap
+from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
 from tests.systems import tondl
@@ -120,6 +121,21 @@ def test_curves_pass_through_every_row(
     assert np.allclose(end.cycle.unknowns.state, state_of(row), rtol=0, atol=TOLERANCE)
     for text in row["multipliers_forced_system"].split(";"):
         assert np.min(np.abs(end.cycle.spectrum.multipliers - complex(text))) < TOLERANCE
+
+
+@pytest.mark.parametrize("formulation", list(CurveFormulation))
+def test_unknown_period_gives_the_same_curve(formulation: CurveFormulation) -> None:
+    """Eq. 17 instead of the stroboscopic map."""
+    period_map = PeriodMap(tondl(), DOPRI8, Formulation.AUTONOMOUS)
+    curves = replace(problem("NS", formulation), period_map=period_map)
+    known = start_at("NS", 3.05)
+    begin = replace(known, state=period_map.extend(known.state), period=2.0 * np.pi / 3.05)
+    result, points, _ = trace(curves, begin, between(3.05, 3.15), direction=-1)
+    assert result.stop is CurveStop.RANGE
+    row = POINTS["NS", 3.15]
+    assert points[-1].parameters[0] == pytest.approx(float(row["c1"]), abs=TOLERANCE)
+    assert points[-1].angle == pytest.approx(float(row["theta"]), abs=TOLERANCE)
+    assert points[-1].cycle.unknowns.period == pytest.approx(2.0 * np.pi / 3.15, abs=TOLERANCE)
 
 
 def test_every_row_is_a_target() -> None:

@@ -1,0 +1,50 @@
+"""What walking along a branch of cycles and along a bifurcation curve have in common.
+
+Both are piecewise cubic between corrected points with unit tangents, adapt their step to the effort of the
+corrector, and close when they come back to their first point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
+_CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
+_SAME = 0.01  # distance within which two points are one, in units of the step: far above corrector errors
+
+
+def hermite_weights(fraction: float, length: float) -> tuple[float, float, float, float]:
+    """Weights of start, start tangent, end and end tangent in the cubic at a fraction of a segment."""
+    t = fraction
+    return (
+        2 * t**3 - 3 * t**2 + 1,
+        length * (t**3 - 2 * t**2 + t),
+        3 * t**2 - 2 * t**3,
+        length * (t**3 - t**2),
+    )
+
+
+def adapted_length(step: float, iterations: int, target: int, shortest: float, longest: float) -> float:
+    """The next step: longer when the corrector needed less than ``target`` iterations, shorter when more."""
+    factor = 2.0 ** ((target - iterations) / 2.0)
+    return min(longest, max(shortest, step * min(2.0, max(0.5, factor))))
+
+
+def passes_start(
+    arclength: float, length: float, fraction: float, distance: Callable[[float], float]
+) -> bool:
+    """Whether a segment passes through, or stops just before, the first point, which was left before.
+
+    ``fraction``: where on the chord the first point lies; ``distance`` of it from the segment at a fraction.
+    """
+    if arclength <= 2.0 * length:
+        return False
+    # what is left to the first point beyond the segment would make a needlessly short step
+    if not 0.0 < fraction <= 1.0 + _CLOSED:
+        return False
+    return distance(fraction) <= _CLOSED * length
+
+
+def is_start(arclength: float, step: float, distance: float) -> bool:
+    """Whether a point at a ``distance`` from the first one is the first point again."""
+    return arclength > 2.0 * step and distance <= _SAME * step
