@@ -199,33 +199,35 @@ def left_products(
 def with_sharp_left(linear: SurfaceLinearisation, critical: Critical) -> Critical:
     """The same with left vectors that do not suffer from what V lacks to be invariant.
 
-    With R = Q M V, eliminating the part of p outside V from p'M = mu p' leaves the small matrix
+    With R = Q M V, eliminating the part of L outside V from L'M = A L' leaves for Y = L'V, of shape (m, k),
 
-        p_V' (H + V'M R / mu + V'M Q M R / mu^2 + ... - mu I) = 0
+        Y H + A^-1 Y V'M R + A^-2 Y V'M Q M R + ... = A Y
 
-    for the price of a pass with all columns per term.  A fold of unknown period is returned as it is.
+    for the price of a pass with all columns per term; Y V'W = 1 (or the old length of Y) makes it unique, and
+    the pair may be complex, real or double.  A fold of unknown period is returned as it is.
     """
     basis, columns = linear.basis, linear.basis.shape[1]
     if basis.shape[0] == columns or critical.right_period is not None:
         return critical
-    multipliers = np.linalg.eigvals(critical.matrix).astype(complex)
-    mu = complex(multipliers[np.argmax(multipliers.imag)])
-    reduced = (basis.T @ linear.image.columns).astype(complex)
-    rest, power = outside(basis, linear.image.columns), 1.0 / mu
+    count, inverse = len(critical.matrix), np.linalg.inv(critical.matrix)
+    projected = basis.T @ linear.image.columns
+    system = np.kron(np.eye(count), projected.T) - np.kron(critical.matrix, np.eye(columns))
+    rest, power = outside(basis, linear.image.columns), inverse
     for _ in range(linear.at.problem.options.multiplier_sweeps):
         passed = linear.at.tangent(rest).columns
-        term = power * (basis.T @ passed)
-        reduced += term
+        term = basis.T @ passed
+        system += np.kron(power, term.T)
         if np.max(np.abs(term)) <= _SHARP:
             break
-        rest, power = outside(basis, passed), power / mu
-    null = np.linalg.svd((reduced - mu * np.eye(columns)).T)[2][-1].conj()
-    if critical.right.shape[1] == 1:
-        vector = null.real if np.linalg.norm(null.real) > np.linalg.norm(null.imag) else null.imag
-        old = critical.left[:, 0]
-        left = vector * (float(vector @ old) / float(vector @ vector))
-        right = basis.T @ critical.right[:, 0]
-        aligned = float(right @ left) / float(np.linalg.norm(critical.right) * np.linalg.norm(left))
-        return replace(critical, left=left[:, None], alignment=aligned)
-    pair = np.column_stack([null.real, null.imag])
-    return replace(critical, left=pair @ np.linalg.inv((basis.T @ critical.right).T @ pair))
+        rest, power = outside(basis, passed), inverse @ power
+    slow = basis.T @ critical.right
+    across = critical.left if count == 1 else slow
+    wanted = across.T @ across if count == 1 else np.eye(count)
+    closing = np.kron(np.eye(count), across.T)
+    sides = np.concatenate([np.zeros(len(system)), wanted.ravel()])
+    solution = np.linalg.lstsq(np.vstack([system, closing]), sides)[0].reshape(count, columns)
+    left = np.ascontiguousarray(solution.T)
+    if count == 2:
+        return replace(critical, left=left)
+    lengths = float(np.linalg.norm(critical.right) * np.linalg.norm(left))
+    return replace(critical, left=left, alignment=float(slow[:, 0] @ left[:, 0]) / lengths)

@@ -220,12 +220,12 @@ class CurveSegment:
         """The point at a fraction of the segment."""
         return self.correct_on(self.guess(fraction), self.closing_at(fraction))
 
-    def end_at(self, fraction: float, options: NormalFormOptions | None) -> CurveEnd:
+    def end_at(self, fraction: float, options: NormalFormOptions | None, precise: bool) -> CurveEnd:
         """The corrected point at a fraction with its tests; raises when it does not converge."""
         correction, closing = self.correct_at(fraction), self.closing_at(fraction)
         end = None
         if correction.point is not None:
-            end = curve_end(correction, correction.point, closing, self.chord, options, self.frame, True)
+            end = curve_end(correction, correction.point, closing, self.chord, options, self.frame, precise)
         if end is None:
             raise _NotConvergedError
         return end
@@ -252,10 +252,12 @@ def locate_special(
     """
     ends: dict[float, CurveEnd] = {}
     with_form = special in (SpecialKind.GENERALISED_FLIP, SpecialKind.CHENCINER)
+    # kappa comes from the critical pair itself, which is sharp on every corrected point
+    precise = segment.problem.kind is not EventKind.NEIMARK_SACKER or special > SpecialKind.R4
 
     def end_at(fraction: float) -> CurveEnd:
         if fraction not in ends:
-            ends[fraction] = segment.end_at(fraction, options if with_form else None)
+            ends[fraction] = segment.end_at(fraction, options if with_form else None, precise)
         return ends[fraction]
 
     def test(fraction: float) -> float:
@@ -314,11 +316,11 @@ def dip_beyond(
     known = {0.0: start[1], 1.0: end.kappa_slope}
 
     def slope(fraction: float) -> float:
-        return known[fraction] if fraction in known else segment.end_at(fraction, None).kappa_slope
+        return known[fraction] if fraction in known else segment.end_at(fraction, None, False).kappa_slope
 
     try:
         lowest = float(brentq(slope, 0.0, 1.0, xtol=1e-6))
-        kappa = segment.end_at(lowest, None).point.kappa
+        kappa = segment.end_at(lowest, None, False).point.kappa
     except _NotConvergedError:
         return None
     return (lowest, 1.0 - sign * kappa) if sign * kappa > 1.0 else None

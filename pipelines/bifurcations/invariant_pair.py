@@ -24,6 +24,7 @@ from pipelines.orbits.floquet import Complex
 from pipelines.orbits.system import Matrix
 
 _PAIR_ITERATIONS = 12  # they cost no passes
+_SINGULAR = 1e12  # condition of L'W beyond which the planes do not belong together
 _PAIR_TOLERANCE = 1e-12  # of the last change
 
 
@@ -38,7 +39,10 @@ def invariant_pair(passed: CriticalPass, frame: Frame) -> Critical | None:
     left = invariant_plane(projected.T, np.linalg.eigvals(matrix).astype(complex))
     if left is None:
         return None
-    left = left @ np.linalg.inv((basis.T @ vectors).T @ left)
+    overlap = (basis.T @ vectors).T @ left
+    if not np.linalg.cond(overlap) < _SINGULAR:
+        return None
+    left = left @ np.linalg.inv(overlap)
     adjugate = np.array([[matrix[1, 1], -matrix[0, 1]], [-matrix[1, 0], matrix[0, 0]]])
     return Critical(
         value=float(np.linalg.det(matrix)) - 1.0,

@@ -44,7 +44,7 @@ def embedded_tondl(crowd: int = 60, rate: float = 1.2) -> DynamicalSystem:
     no eigenvector is; with feedback nothing is known in advance.
     """
     rates_of = rate * (1.0 + 0.01 * np.cos(7.0 * np.arange(crowd)))
-    rates_of[:4] = 0.25 * rate * (1.0 + 0.3 * np.arange(4))
+    rates_of[:4] = (0.25 * rate * (1.0 + 0.3 * np.arange(4)))[:crowd]
     return DynamicalSystem(
         4 + crowd, rates, tangent, ("c1", "eta", "feedback"), forcing=1, constants=rates_of
     )
