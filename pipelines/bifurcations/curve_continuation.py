@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from pipelines.bifurcations.codimension_two import crossed, resonant_end, settled
 from pipelines.bifurcations.correction import Closing, CurveCorrection
 from pipelines.bifurcations.curve import (
@@ -72,7 +74,10 @@ def continue_curve(
     while (stop := _stop_reason(problem, state, options, metric)) is None:
         if should_stop is not None and should_stop():
             return CurveResult(CurveStop.INTERRUPTED, state)
-        step = _attempt(problem, state, options, metric)
+        try:
+            step = _attempt(problem, state, options, metric)
+        except np.linalg.LinAlgError:
+            step = _Rejected("a matrix of the step is singular")
         if isinstance(step, _Rejected):
             if 0.5 * state.step < options.minimum_step:
                 return CurveResult(CurveStop.MINIMUM_STEP, state, step.message)
