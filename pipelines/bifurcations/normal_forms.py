@@ -44,7 +44,7 @@ class NormalFormOptions:
 
 @dataclass(frozen=True)
 class NormalForm:
-    """a, b or d with the estimated ``error`` of the differences; complex for a Neimark-Sacker point only."""
+    """a (whose sign is that of q), b or d with the estimated ``error`` of the differences; only d is complex."""
 
     kind: EventKind
     coefficient: complex

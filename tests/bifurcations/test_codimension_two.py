@@ -12,7 +12,7 @@ from pipelines.bifurcations.curve import SpecialKind
 from tests.bifurcations.curve_runs import FLIP, FOLD, NS
 
 
-def tests_with(**values: float) -> np.ndarray:
+def values_of(**values: float) -> np.ndarray:
     tests = np.full(len(SpecialKind), math.nan)
     for name, value in values.items():
         tests[SpecialKind[name] - 1] = value
@@ -20,13 +20,13 @@ def tests_with(**values: float) -> np.ndarray:
 
 
 def test_sign_changes_and_starts_on_special_points() -> None:
-    before, after = tests_with(R3=0.1, R4=-0.2, R2=0.3), tests_with(R3=-0.1, R4=-0.1, R2=0.1)
+    before, after = values_of(R3=0.1, R4=-0.2, R2=0.3), values_of(R3=-0.1, R4=-0.1, R2=0.1)
     assert crossed(before, after) == (SpecialKind.R3,)
     # the step that arrives on a special point has it, the one that leaves does not
-    on = tests_with(R3=1e-13, R4=-0.2, R2=0.3)
+    on = values_of(R3=1e-13, R4=-0.2, R2=0.3)
     assert crossed(before, on) == (SpecialKind.R3,)
     assert crossed(on, after) == ()
-    assert crossed(tests_with(CUSP=1.0), tests_with(R1=-1.0)) == ()
+    assert crossed(values_of(CUSP=1.0), values_of(R1=-1.0)) == ()
 
 
 def test_other_multipliers() -> None:

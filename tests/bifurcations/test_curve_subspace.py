@@ -13,9 +13,10 @@ import pytest
 from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop, SpecialKind
 from pipelines.bifurcations.normal_forms import NormalFormOptions
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
+from pipelines.bifurcations.switching import joined_curve
 from pipelines.orbits.floquet import BasisOptions
-from pipelines.orbits.period_map import PeriodMap
-from pipelines.orbits.shooting import CycleProblem, ShootingOptions, Unknowns, correct
+from pipelines.orbits.period_map import Formulation, PeriodMap
+from pipelines.orbits.shooting import Cycle, CycleProblem, ShootingOptions, Unknowns, correct
 from pipelines.orbits.steppers import DOPRI8
 from tests.bifurcations.curve_runs import FLIP, NS, CountingMap, Run, start, trace
 from tests.bifurcations.embedded_tondl import embedded_tondl
@@ -172,3 +173,47 @@ def test_restart_in_a_slow_subspace_gives_the_same_bits() -> None:
     for old, new in zip(whole.states[3:], rest.states, strict=True):
         for name, value in old.arrays().items():
             assert np.asarray(value).tobytes() == np.asarray(new.arrays()[name]).tobytes(), name
+
+
+@pytest.mark.parametrize("formulation", list(CurveFormulation))
+def test_unknown_period_in_a_slow_subspace(formulation: CurveFormulation) -> None:
+    period_map = replace(problem("NS", 0.0).period_map, formulation=Formulation.AUTONOMOUS)
+    curves = replace(problem("NS", 0.0, formulation=formulation), period_map=period_map)
+    known = tabulated("NS", 3.05)
+    begin = replace(known, state=period_map.extend(known.state), period=2.0 * np.pi / 3.05)
+    run = run_to(curves, begin, 3.15, direction=-1, maximum_step=0.1)
+    assert run.result.stop is CurveStop.RANGE
+    assert run.points[-1].cycle.basis.shape[1] < period_map.size
+    assert run.points[-1].parameters[0] == pytest.approx(float(ROWS["NS", 3.15]["c1"]), abs=1e-8)
+
+
+@pytest.mark.parametrize("formulation", list(Formulation))
+def test_folds_in_a_slow_subspace(formulation: Formulation) -> None:
+    """The fold curve that meets the Neimark-Sacker curve at R1, with the crowd and without."""
+    settings = CurveOptions(
+        ((0.03, 0.07), (0.55, 0.65)), parameter_scales=(0.05, 0.5), maximum_step=0.1, normal_form=None
+    )
+    small_map = replace(TONDL, samples=64, minimum_steps=64)
+    small = replace(problem("NS", 0.0), period_map=small_map)
+    arc = trace(small, tabulated_small("NS", 0.64), replace(settings, direction=-1))
+    joined = joined_curve(small, arc.specials[-1])
+    assert joined is not None
+    alone = trace(*joined, settings)
+    assert alone.result.stop is CurveStop.RANGE
+    period_map = PeriodMap(embedded_tondl(CROWD), DOPRI8, formulation, samples=64, minimum_steps=64)
+    at = alone.points[1].cycle
+    state = relaxed(replace(period_map, formulation=Formulation.STROBOSCOPIC), at)
+    begin = start(period_map.extend(state), tuple(alone.points[1].parameters), period=at.unknowns.period)
+    together = trace(replace(joined[0], period_map=period_map), begin, settings)
+    assert together.result.stop is CurveStop.RANGE
+    assert together.points[-1].cycle.basis.shape[1] < period_map.size
+    assert np.allclose(together.parameters[-1], alone.parameters[-1], rtol=0, atol=1e-8)
+
+
+def relaxed(period_map: PeriodMap, alone: Cycle) -> np.ndarray:
+    """The cycle of the small system with a crowd that follows it."""
+    crowd = np.zeros(CROWD)
+    for _ in range(12):
+        state = np.concatenate([alone.unknowns.state, crowd])
+        crowd = period_map.evaluate(state, alone.parameters, alone.unknowns.period, 64).state[4:]
+    return np.concatenate([alone.unknowns.state, crowd])
