@@ -29,7 +29,6 @@ from pipelines.bifurcations.surface import (
 from pipelines.orbits.period_map import PeriodImage
 from pipelines.orbits.system import Matrix, Vector
 
-_SHARP = 1e-10  # last term of the series for the left vectors
 _LEFT_TOLERANCE = 1e-5  # of the derivatives of a test function: they only steer
 
 
@@ -196,15 +195,16 @@ def left_products(
     return np.asarray(total)
 
 
-def with_sharp_left(linear: SurfaceLinearisation, critical: Critical) -> Critical:
+def with_sharp_left(linear: SurfaceLinearisation, critical: Critical, tolerance: float) -> Critical:
     """The same with left vectors that do not suffer from what V lacks to be invariant.
 
     With R = Q M V, eliminating the part of L outside V from L'M = A L' leaves for Y = L'V, of shape (m, k),
 
         Y H + A^-1 Y V'M R + A^-2 Y V'M Q M R + ... = A Y
 
-    for the price of a pass with all columns per term; Y V'W = 1 (or the old length of Y) makes it unique, and
-    the pair may be complex, real or double.  A fold of unknown period is returned as it is.
+    for the price of a pass with all columns per term, down to ``tolerance``; Y V'W = 1 (or the old length of
+    Y) makes it unique, and the pair may be complex, real or double.  A fold of unknown period is returned as
+    it is.
     """
     basis, columns = linear.basis, linear.basis.shape[1]
     if basis.shape[0] == columns or critical.right_period is not None:
@@ -217,7 +217,7 @@ def with_sharp_left(linear: SurfaceLinearisation, critical: Critical) -> Critica
         passed = linear.at.tangent(rest).columns
         term = basis.T @ passed
         system += np.kron(power, term.T)
-        if np.max(np.abs(term)) <= _SHARP:
+        if np.max(np.abs(term)) <= tolerance:
             break
         rest, power = outside(basis, passed), inverse @ power
     slow = basis.T @ critical.right

@@ -29,6 +29,7 @@ from pipelines.orbits.shooting import Cycle
 from pipelines.orbits.system import Matrix, Vector
 
 _RECORDED = 1e-7  # residual asked of the multipliers of an ordinary point
+_RECORDED_LEFT, _SHARP_LEFT = 1e-6, 1e-10  # last term of the series for left vectors, likewise
 _DIP = 0.5  # share of the nearer end below which a minimum of 1 -+ kappa inside a segment is looked at
 
 
@@ -69,8 +70,9 @@ def curve_end(
     """
     sharp = found.linear.at.problem.options.multiplier_tolerance
     found = settled(found, frame, sharp if precise else max(sharp, _RECORDED))
+    left = _SHARP_LEFT if precise else _RECORDED_LEFT
     if precise or options is not None:
-        found = replace(found, critical=with_sharp_left(found.linear, found.critical))
+        found = replace(found, critical=with_sharp_left(found.linear, found.critical, left))
     linear, critical = found.linear, found.critical
     slopes = _surface_slopes(found, closing)
     if slopes is None:

@@ -44,7 +44,7 @@ class NormalFormOptions:
 
 @dataclass(frozen=True)
 class NormalForm:
-    """a (whose sign is that of q), b or d with the estimated ``error`` of the differences; only d is complex."""
+    """a (its sign is that of q), b or d with the estimated ``error`` of the differences; d is complex."""
 
     kind: EventKind
     coefficient: complex
