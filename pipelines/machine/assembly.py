@@ -16,7 +16,7 @@ from pipelines.case.models import Bearing as BearingTable
 from pipelines.case.models import Case
 from pipelines.case.scales import Scales
 
-from . import film, rates
+from . import film, rates, shifted
 from .bearing import Array, Bearing, FilmSettings, FilmState, film_state, linearise_bearing, pack_bearing
 from .condensation import CondensedRotor, StateSpace, condense, state_space
 from .ring import THIN_RING, ring_coefficients, ring_displacement_from_load
@@ -205,7 +205,13 @@ def build_machine(case: Case) -> Machine:
     freedoms = (condensed.position(case.bearings[0].node), condensed.position(case.bearings[1].node))
     constants, layout = _pack(scales, bearings, space, freedoms)
     state_size = sum(s.unknowns for s in settings) + space.constant.shape[0]
-    work_size = max(rates.workspace_size(state_size, s.nodes, s.axial) for s in settings)
+    work_size = max(
+        max(
+            rates.workspace_size(state_size, s.nodes, s.axial),
+            shifted.workspace_size(state_size, space.constant.shape[0] // 2, s.nodes, s.axial),
+        )
+        for s in settings
+    )
     return Machine(scales, bearings, rotor, condensed, space, freedoms, constants, layout, work_size)
 
 

@@ -17,6 +17,7 @@ from scipy import sparse
 
 from . import film
 from .axial import chebyshev_operator, uniform_operator
+from .film_force import FORCE_SCRATCH, film_force
 
 Array = NDArray[np.float64]
 
@@ -129,10 +130,12 @@ def film_state(
     )  # fmt: skip
     film.pad_pressure(unknowns, local.integers, padded)
     film.film_rates(
-        padded, parameters, local.integers, local.scalars, local.arrays, thickness, thickness_rate, rates
-    )
-    force = np.array(film.film_force(padded, local.integers, local.scalars, local.arrays))
-    return FilmState(thickness, thickness_rate, padded.reshape(stations, nodes + 2), rates, force)
+        padded, parameters, local.integers, local.scalars, local.arrays, thickness, thickness_rate, rates,
+        np.empty((film.FILM_SCRATCH, nodes + 2)),
+    )  # fmt: skip
+    scratch = np.empty((FORCE_SCRATCH, nodes + 2))
+    force = film_force(padded, local.integers, local.scalars, local.arrays, np.empty((2, 0)), scratch)
+    return FilmState(thickness, thickness_rate, padded.reshape(stations, nodes + 2), rates, np.array(force))
 
 
 def _at_origin(bearing: Bearing) -> Bearing:
@@ -161,27 +164,28 @@ def linearise_bearing(
     settings = local.settings
     nodes, stations = settings.nodes, settings.axial
     state = film_state(bearing, unknowns, journal, phase, parameters)
-    terms, gradient = np.empty((nodes * stations, film.HERE + stations)), np.empty((nodes * stations, 2))
+    terms, gradient = np.empty((film.HERE + stations, nodes * stations)), np.empty((2, nodes * stations))
     film.film_derivatives(
         state.padded_pressure.ravel(), parameters, local.integers, local.scalars, local.arrays,
-        state.thickness, state.thickness_rate, state.rates, terms,
+        state.thickness, state.thickness_rate, state.rates, terms, np.empty((film.FILM_SCRATCH, nodes + 2)),
     )  # fmt: skip
-    film.film_force_derivatives(
-        state.padded_pressure.ravel(), local.integers, local.scalars, local.arrays, gradient
-    )
+    film_force(
+        state.padded_pressure.ravel(), local.integers, local.scalars, local.arrays, gradient,
+        np.empty((FORCE_SCRATCH, nodes + 2)),
+    )  # fmt: skip
     # h and dh/dtau at a padded station follow the journal with -(cos, sin)
     trig = -local.arrays[: 2 * nodes + 4].reshape(2, nodes + 2).T
     i = np.arange(nodes * stations) % nodes
-    position = terms[:, film.THICKNESS_BEFORE, None] * trig[i]
-    position += terms[:, film.THICKNESS_HERE, None] * trig[i + 1]
-    position += terms[:, film.THICKNESS_AFTER, None] * trig[i + 2]
+    position = terms[film.THICKNESS_BEFORE][:, None] * trig[i]
+    position += terms[film.THICKNESS_HERE][:, None] * trig[i + 1]
+    position += terms[film.THICKNESS_AFTER][:, None] * trig[i + 2]
     foil = np.zeros((nodes, 2))  # its rate depends on the journal through the pressure only
     coefficients = film.foil_coefficients(parameters, local.integers, local.scalars)
     return BearingLinearisation(
         unknowns=_unknowns_matrix(terms, settings, local.mean_weights, *coefficients),
         position=np.vstack([position, foil]),
-        velocity=np.vstack([terms[:, film.THICKNESS_RATE, None] * trig[i + 1], foil]),
-        force=np.hstack([gradient.T, foil.T]),
+        velocity=np.vstack([terms[film.THICKNESS_RATE][:, None] * trig[i + 1], foil]),
+        force=np.hstack([gradient, foil.T]),
     )
 
 
@@ -198,16 +202,16 @@ def _unknowns_matrix(
     before, after = (i - 1) % nodes, (i + 1) % nodes
     # the neighbour of the first and last node is the foil's edge: no unknown
     left, right = (rows, rows) if settings.periodic else (rows[i > 0], rows[i < nodes - 1])
-    by_rate = terms[:, film.THICKNESS_RATE]
+    by_rate = terms[film.THICKNESS_RATE]
     entries = [
-        (left, first + before, terms[:, film.BEFORE]),
-        (right, first + after, terms[:, film.AFTER]),
-        (left, foil + before, terms[:, film.THICKNESS_BEFORE]),
-        (rows, foil + i, terms[:, film.THICKNESS_HERE] - relaxation * by_rate),
-        (right, foil + after, terms[:, film.THICKNESS_AFTER]),
+        (left, first + before, terms[film.BEFORE]),
+        (right, first + after, terms[film.AFTER]),
+        (left, foil + before, terms[film.THICKNESS_BEFORE]),
+        (rows, foil + i, terms[film.THICKNESS_HERE] - relaxation * by_rate),
+        (right, foil + after, terms[film.THICKNESS_AFTER]),
     ]
     for station, weight in enumerate(flexibility * mean_weights):
-        entries.append((rows, station * nodes + i, terms[:, film.HERE + station] + weight * by_rate))
+        entries.append((rows, station * nodes + i, terms[film.HERE + station] + weight * by_rate))
     row = [chosen for chosen, _, _ in entries]
     column = [target[chosen] for chosen, target, _ in entries]
     value = [values[chosen] for chosen, _, values in entries]

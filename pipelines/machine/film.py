@@ -16,7 +16,6 @@ unloaded) or, for a periodic film, the opposite end.  Pressures of a bearing are
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from .ring import ring_axes_at, ring_displacement_at, ring_rate_at
@@ -37,11 +36,6 @@ FILM_SCALARS = 13
 # The parameter vector of a case (order of pipelines.case.PARAMETERS).
 SPEED, EXCITATION_FREQUENCY, DISPLACEMENT, FOIL_STIFFNESS = range(4)
 
-# Abscissae and weights of Gauss-Legendre quadrature on [0, 1]: resolves the regularised clipping inside a
-# cell.
-_GAUSS_POINTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
-_GAUSS_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(4)[1]
-
 
 @njit(cache=True, error_model="numpy")
 def foil_coefficients(parameters, integers, scalars):
@@ -55,6 +49,10 @@ def foil_coefficients(parameters, integers, scalars):
     return relaxation / (scalars[STIFFNESS_RATIO] * parameters[FOIL_STIFFNESS]), relaxation
 
 
+# The loops below run over slices that start at zero, few arrays at a time: only then does the compiler
+# vectorise them.
+
+
 @njit(cache=True, error_model="numpy")
 def film_geometry(
     phase, state, parameters, integers, scalars, arrays, journal, thickness, thickness_rate, foil_rate
@@ -64,39 +62,44 @@ def film_geometry(
     """
     nodes, stations = integers[NODES], integers[STATIONS]
     cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
+    inner_cosine, inner_sine, inner = cosine[1 : nodes + 1], sine[1 : nodes + 1], thickness[1 : nodes + 1]
     weights = arrays[2 * nodes + 4 + stations * stations + stations :]
-    pressure, foil = state[integers[PRESSURE] :], state[integers[FOIL] :]
+    foil = state[integers[FOIL] : integers[FOIL] + nodes]
     flexibility, relaxation = foil_coefficients(parameters, integers, scalars)
+    foil_rate, thickness_rate = foil_rate[:nodes], thickness_rate[:nodes]
 
-    moving = parameters[DISPLACEMENT] != 0.0
-    radius = scalars[RING_RADIUS]
-    axes = ring_axes_at(
-        phase, parameters[DISPLACEMENT], parameters[EXCITATION_FREQUENCY],
-        scalars[RING_RATIO], scalars[RING_AMPLITUDE], scalars[RING_PHASE],
-    )  # fmt: skip
-
-    for k in range(nodes + 2):
-        thickness[k] = 1.0 - journal[0] * cosine[k] - journal[1] * sine[k]
     for i in range(nodes):
-        load = scalars[ABSOLUTE]
-        for j in range(stations):
-            load += weights[j] * (pressure[j * nodes + i] - 1.0)
-        ring, ring_rate = 0.0, 0.0
-        if moving:
-            c, s = cosine[i + 1], sine[i + 1]
-            ring = ring_displacement_at(c, s, axes[0], axes[1], radius)
-            ring_rate = ring_rate_at(c, s, axes[0], axes[1], axes[2], axes[3], radius)
-        foil_rate[i] = ring_rate + flexibility * load - relaxation * (foil[i] - ring)
-        thickness[i + 1] += foil[i]
-        thickness_rate[i] = foil_rate[i] - journal[2] * cosine[i + 1] - journal[3] * sine[i + 1]
+        foil_rate[i] = scalars[ABSOLUTE]
+    for j in range(stations):  # the load p_m - 1
+        start = integers[PRESSURE] + j * nodes
+        pressure, weight = state[start : start + nodes], weights[j]
+        for i in range(nodes):
+            foil_rate[i] += weight * (pressure[i] - 1.0)
+    for i in range(nodes):
+        inner[i] = 1.0 - journal[0] * inner_cosine[i] - journal[1] * inner_sine[i] + foil[i]
+    edge = scalars[ABSOLUTE] * flexibility / relaxation  # no gauge pressure: the foil follows the ring there
+    if parameters[DISPLACEMENT] != 0.0:
+        radius = scalars[RING_RADIUS]
+        d_h, d_v, d_h_rate, d_v_rate = ring_axes_at(
+            phase, parameters[DISPLACEMENT], parameters[EXCITATION_FREQUENCY],
+            scalars[RING_RATIO], scalars[RING_AMPLITUDE], scalars[RING_PHASE],
+        )  # fmt: skip
+        for i in range(nodes):
+            c, s = inner_cosine[i], inner_sine[i]
+            deflection = foil[i] - ring_displacement_at(c, s, d_h, d_v, radius)
+            rate = ring_rate_at(c, s, d_h, d_v, d_h_rate, d_v_rate, radius)
+            foil_rate[i] = rate + flexibility * foil_rate[i] - relaxation * deflection
+        edge += ring_displacement_at(cosine[0], sine[0], d_h, d_v, radius)
+    else:
+        for i in range(nodes):
+            foil_rate[i] = flexibility * foil_rate[i] - relaxation * foil[i]
+    for i in range(nodes):
+        thickness_rate[i] = foil_rate[i] - journal[2] * inner_cosine[i] - journal[3] * inner_sine[i]
     if integers[PERIODIC] == 1:
         thickness[0], thickness[nodes + 1] = thickness[nodes], thickness[1]
-    else:  # the edge carries no gauge pressure: the foil follows the ring there
-        edge = scalars[ABSOLUTE] * flexibility / relaxation
-        if moving:
-            edge += ring_displacement_at(cosine[0], sine[0], axes[0], axes[1], radius)
-        thickness[0] += edge
-        thickness[nodes + 1] += edge
+    else:
+        for k in (0, nodes + 1):
+            thickness[k] = 1.0 - journal[0] * cosine[k] - journal[1] * sine[k] + edge
 
 
 @njit(cache=True, error_model="numpy")
@@ -112,282 +115,133 @@ def pad_pressure(pressure, integers, padded):
         padded[row + nodes + 1] = padded[row + 1] if periodic else 1.0
 
 
+# Rows of scratch space, ``nodes + 2`` each: 1/2 m h^3 / dtheta at the faces and its derivative by the face's
+# thickness (over the same factor P_{i+1} - P_i), the flux Phi, 1/h at the nodes, kappa^2 d^2P/dz^2 at a
+# station.
+CONDUCTANCE, CONDUCTANCE_SLOPE, FLUX, INVERSE, CURVATURE = range(5)
+FILM_SCRATCH = 5
+
+
 @njit(cache=True, error_model="numpy")
-def film_rates(padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate):
-    """Fill dp/dtau (Eq. 2) from the padded pressures; marches along theta carrying the flux Phi of the last
-    face.
-    """
+def _fill_faces(integers, scalars, thickness, scratch):
+    """The rows of ``scratch`` that all stations share."""
+    nodes = integers[NODES]
+    conduction = 0.5 * scalars[MOBILITY] / scalars[SPACING]
+    conductance, slope = scratch[CONDUCTANCE], scratch[CONDUCTANCE_SLOPE]
+    ahead, inverse, inner = thickness[1:], scratch[INVERSE], thickness[1 : nodes + 1]
+    for k in range(nodes + 1):
+        face = 0.5 * (thickness[k] + ahead[k])
+        conductance[k] = conduction * face * face * face
+        slope[k] = 1.5 * conduction * face * face
+    for i in range(nodes):
+        inverse[i] = 1.0 / inner[i]
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_curvature(station, padded, integers, arrays, out):
+    """d^2P/dz^2 of a station at every node, from all stations and the side pressure."""
     nodes, stations = integers[NODES], integers[STATIONS]
-    second = arrays[2 * nodes + 4 :]
-    side = second[stations * stations :]
-    spacing, weight = scalars[SPACING], scalars[CONVECTION_WEIGHT]
-    conduction = 0.5 * scalars[MOBILITY] / spacing
-    speed = parameters[SPEED]
-    for j in range(stations):
-        row = j * (nodes + 2)
-        last_flux = 0.0
-        for k in range(nodes + 1):
-            p, p_next, h, h_next = padded[row + k], padded[row + k + 1], thickness[k], thickness[k + 1]
-            face = 0.5 * (h + h_next)
-            flux = conduction * face * face * face * (p_next * p_next - p * p)
-            flux -= speed * (weight * p * h + (1.0 - weight) * p_next * h_next)
-            if k > 0:
-                pressure_rate[j * nodes + k - 1] = 0.5 * (flux - last_flux) / spacing
-            last_flux = flux
+    second = arrays[2 * nodes + 4 + station * stations :]
+    side = arrays[2 * nodes + 4 + stations * stations + station]
+    out = out[:nodes]
+    out[:] = side
+    for other in range(stations):
+        start = other * (nodes + 2) + 1
+        pressure, weight = padded[start : start + nodes], second[other]
         for i in range(nodes):
-            curvature = side[j]
-            for other in range(stations):
-                p = padded[other * (nodes + 2) + i + 1]
-                curvature += second[j * stations + other] * p * p
-            h = thickness[i + 1]
-            storage = pressure_rate[j * nodes + i] + 0.25 * scalars[AXIAL_MOBILITY] * h * h * h * curvature
-            pressure_rate[j * nodes + i] = (storage - padded[row + i + 1] * thickness_rate[i]) / h
+            out[i] += weight * pressure[i] * pressure[i]
 
 
-# Derivative of dp/dtau at one node, in this order: dp_{i-1,j}, dp_{i+1,j}, dh_{i-1}, dh_i, dh_{i+1},
-# d(dh_i/dtau), then dp_{i,l} for every station l.
+@njit(cache=True, error_model="numpy")
+def film_rates(
+    padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate, scratch
+):
+    """Fill dp/dtau (Eq. 2) from the padded pressures; ``scratch`` (FILM_SCRATCH, nodes + 2)."""
+    nodes, stations = integers[NODES], integers[STATIONS]
+    scale, axial = 0.5 / scalars[SPACING], 0.25 * scalars[AXIAL_MOBILITY]
+    behind = parameters[SPEED] * scalars[CONVECTION_WEIGHT]
+    before = parameters[SPEED] - behind
+    _fill_faces(integers, scalars, thickness, scratch)
+    conductance, flux, inverse = scratch[CONDUCTANCE], scratch[FLUX], scratch[INVERSE]
+    curvature, next_flux, ahead = scratch[CURVATURE], scratch[FLUX, 1:], thickness[1:]
+    inner, swell = thickness[1 : nodes + 1], thickness_rate[:nodes]
+    for j in range(stations):
+        row = padded[j * (nodes + 2) : (j + 1) * (nodes + 2)]
+        after, here = row[1:], row[1 : nodes + 1]
+        rate = pressure_rate[j * nodes : (j + 1) * nodes]
+        for k in range(nodes + 1):
+            p, p_next = row[k], after[k]
+            conducted = conductance[k] * (p_next * p_next - p * p)
+            flux[k] = conducted - behind * p * thickness[k] - before * p_next * ahead[k]
+        for i in range(nodes):
+            rate[i] = scale * (next_flux[i] - flux[i])
+        _fill_curvature(j, padded, integers, arrays, curvature)
+        for i in range(nodes):
+            h = inner[i]
+            rate[i] += axial * h * h * h * curvature[i]
+        for i in range(nodes):
+            rate[i] = (rate[i] - here[i] * swell[i]) * inverse[i]
+
+
+# Derivative of dp/dtau at every row j * nodes + i, in this order: dp_{i-1,j}, dp_{i+1,j}, dh_{i-1}, dh_i,
+# dh_{i+1}, d(dh_i/dtau), then dp_{i,l} for every station l.
 BEFORE, AFTER, THICKNESS_BEFORE, THICKNESS_HERE, THICKNESS_AFTER, THICKNESS_RATE, HERE = range(7)
 
 
 @njit(cache=True, error_model="numpy")
 def film_derivatives(
-    padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate, terms
+    padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate, terms, scratch
 ):
-    """Fill ``terms`` (nodes * stations, 6 + stations): the derivative of ``film_rates`` row by row."""
+    """Fill ``terms`` (6 + stations, nodes * stations): the derivative of ``film_rates``; ``pressure_rate``
+    is what that one filled.
+    """
     nodes, stations = integers[NODES], integers[STATIONS]
+    scale, axial = 0.5 / scalars[SPACING], 0.25 * scalars[AXIAL_MOBILITY]
+    behind = parameters[SPEED] * scalars[CONVECTION_WEIGHT]
+    before = parameters[SPEED] - behind
+    _fill_faces(integers, scalars, thickness, scratch)
+    left, right = scratch[CONDUCTANCE], scratch[CONDUCTANCE, 1:]
+    left_slope, right_slope = scratch[CONDUCTANCE_SLOPE], scratch[CONDUCTANCE_SLOPE, 1:]
+    inverse, curvature, h_before, h_after = scratch[INVERSE], scratch[CURVATURE], thickness, thickness[2:]
+    h, swell = thickness[1 : nodes + 1], thickness_rate[:nodes]
     second = arrays[2 * nodes + 4 :]
-    side = second[stations * stations :]
-    spacing, w = scalars[SPACING], scalars[CONVECTION_WEIGHT]
-    conduction = 0.5 * scalars[MOBILITY] / spacing
-    axial = 0.25 * scalars[AXIAL_MOBILITY]
-    speed = parameters[SPEED]
     for j in range(stations):
+        row = padded[j * (nodes + 2) : (j + 1) * (nodes + 2)]
+        p, p_after = row[1:], row[2:]
+        own = terms[:, j * nodes : (j + 1) * nodes]
+        term = own[BEFORE]
         for i in range(nodes):
-            row = j * nodes + i
-            here = j * (nodes + 2) + i + 1
-            p_before, p, p_after = padded[here - 1], padded[here], padded[here + 1]
-            h_before, h, h_after = thickness[i], thickness[i + 1], thickness[i + 2]
-            left, right = 0.5 * (h_before + h), 0.5 * (h + h_after)
-            conduct_left, conduct_right = conduction * left**3, conduction * right**3
-            # d Phi / d h through the face thickness, the same for both of its nodes
-            slope_left = 1.5 * conduction * left * left * (p * p - p_before * p_before)
-            slope_right = 1.5 * conduction * right * right * (p_after * p_after - p * p)
-            scale = 0.5 / (spacing * h)
-            terms[row, BEFORE] = scale * (2.0 * conduct_left * p_before + speed * w * h_before)
-            terms[row, AFTER] = scale * (2.0 * conduct_right * p_after - speed * (1.0 - w) * h_after)
-            terms[row, THICKNESS_BEFORE] = scale * (-slope_left + speed * w * p_before)
-            terms[row, THICKNESS_AFTER] = scale * (slope_right - speed * (1.0 - w) * p_after)
-            terms[row, THICKNESS_RATE] = -p / h
-            curvature = side[j]
-            for other in range(stations):
-                p_other = padded[other * (nodes + 2) + i + 1]
-                weight = second[j * stations + other]
-                curvature += weight * p_other * p_other
-                terms[row, HERE + other] = 2.0 * axial * h * h * weight * p_other
-            terms[row, HERE + j] -= (
-                scale * (2.0 * (conduct_left + conduct_right) * p + speed * (2.0 * w - 1.0) * h)
-                + thickness_rate[i] / h
-            )
-            terms[row, THICKNESS_HERE] = (
-                scale * (slope_right - slope_left - speed * (2.0 * w - 1.0) * p)
-                + (3.0 * axial * h * h * curvature - pressure_rate[row]) / h
-            )
-
-
-@njit(cache=True, error_model="numpy")
-def _crossing_moments(positive, negative):
-    """``positive_part_moments`` of a cell whose left end is positive and whose right end is negative."""
-    t = positive / (positive - negative)  # u vanishes at x = t
-    near, far, drift = t * (0.5 - t / 6.0), t * t / 6.0, t * (1.0 - t)
-    near_slope = 0.5 - t / 3.0
-    return (
-        positive * near, positive * far,
-        near + near_slope * drift, near_slope * t * t,
-        far + t * drift / 3.0, t * t * t / 3.0,
-    )  # fmt: skip
-
-
-@njit(cache=True, error_model="numpy")
-def positive_part_moments(left, right):
-    """Moments of the positive part of a linear function over a unit cell, and their derivatives.
-
-    With u(x) = left (1-x) + right x returns the integrals of u^+ (1-x) and u^+ x, then d/dleft and d/dright
-    of each. They are continuously differentiable unless left = right = 0.
-    """
-    if left >= 0.0 and right >= 0.0:
-        third, sixth = 1.0 / 3.0, 1.0 / 6.0
-        return third * left + sixth * right, sixth * left + third * right, third, sixth, sixth, third
-    if left <= 0.0 and right <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    if left > 0.0:
-        return _crossing_moments(left, right)
-    far, near, far_right, far_left, near_right, near_left = _crossing_moments(right, left)
-    return near, far, near_left, near_right, far_left, far_right
-
-
-@njit(cache=True, error_model="numpy")
-def edge_moments(near, following):
-    """The moments of the cell between the ambient edge (x = 0) and its first node (x = 1), where u is
-    ``near``.
-
-    There the straight line through u(0) = 0 would change sign everywhere at once, a kink in the force.  The
-    sign is taken from the parabola u = x (a + b x) through the next node too (``following``), whose root
-    moves through the cell: u^+ = (straight line) + (negative part of the parabola).  Returns the moments with
-    1 - x and x, then the derivative of each with ``near`` and ``following``.
-    """
-    a, b = 0.5 * (4.0 * near - following), 0.5 * (following - 2.0 * near)
-    low, high = 0.0, 1.0  # where the parabola is negative
-    if a >= 0.0 and near >= 0.0:
-        high = 0.0
-    elif a >= 0.0:
-        low = a / (a - near)
-    elif near > 0.0:
-        high = a / (a - near)
-    second = (high**2 - low**2) / 2.0
-    third = (high**3 - low**3) / 3.0
-    fourth = (high**4 - low**4) / 4.0
-    at_edge, at_edge_slope = second - third, third - fourth
-    return (
-        near / 6.0 - a * at_edge - b * at_edge_slope, near / 3.0 - a * third - b * fourth,
-        1.0 / 6.0 - 2.0 * at_edge + at_edge_slope, 0.5 * (at_edge - at_edge_slope),
-        1.0 / 3.0 - 2.0 * third + fourth, 0.5 * (third - fourth),
-    )  # fmt: skip
-
-
-@njit(cache=True, error_model="numpy")
-def regularised_moments(left, right, width):
-    """The same moments for the smooth positive part (u + sqrt(u^2 + width^2)) / 2, by Gauss quadrature in the
-    cell.
-    """
-    first, second, first_left, first_right, second_right = 0.0, 0.0, 0.0, 0.0, 0.0
-    for g in range(_GAUSS_POINTS.size):
-        x = _GAUSS_POINTS[g]
-        u = left * (1.0 - x) + right * x
-        root = np.sqrt(u * u + width * width)
-        value = 0.5 * _GAUSS_WEIGHTS[g] * (u + root)
-        slope = 0.5 * _GAUSS_WEIGHTS[g] * (1.0 + u / root)
-        first += value * (1.0 - x)
-        second += value * x
-        first_left += slope * (1.0 - x) * (1.0 - x)
-        first_right += slope * (1.0 - x) * x
-        second_right += slope * x * x
-    return first, second, first_left, first_right, first_right, second_right
-
-
-@njit(cache=True, error_model="numpy")
-def regularised_edge_moments(near, following, width):
-    """``edge_moments`` with the negative part of the parabola smoothed: (sqrt(u^2 + width^2) - u) / 2."""
-    edge, node = near / 6.0, near / 3.0
-    edge_near, edge_following, node_near, node_following = 1.0 / 6.0, 0.0, 1.0 / 3.0, 0.0
-    for g in range(_GAUSS_POINTS.size):
-        x = _GAUSS_POINTS[g]
-        by_near, by_following = (
-            x * (2.0 - x),
-            0.5 * x * (x - 1.0),
-        )  # the parabola's slopes with its two values
-        u = by_near * near + by_following * following
-        root = np.sqrt(u * u + width * width)
-        value = 0.5 * _GAUSS_WEIGHTS[g] * (root - u)
-        slope = 0.5 * _GAUSS_WEIGHTS[g] * (u / root - 1.0)
-        edge += value * (1.0 - x)
-        node += value * x
-        edge_near += slope * by_near * (1.0 - x)
-        edge_following += slope * by_following * (1.0 - x)
-        node_near += slope * by_near * x
-        node_following += slope * by_following * x
-    return edge, node, edge_near, edge_following, node_near, node_following
-
-
-@njit(cache=True, error_model="numpy")
-def cell_moments(left, right, integers, scalars):
-    """Moments of the clipped pressure in a cell between two nodes, by the bearing's way of clipping."""
-    if integers[CLIPPING] == GUMBEL:
-        return positive_part_moments(left, right)
-    return regularised_moments(left, right, scalars[SMOOTHING])
-
-
-@njit(cache=True, error_model="numpy")
-def end_moments(near, following, integers, scalars):
-    """Moments of the clipped pressure in a cell beside the foil edge, by the bearing's way of clipping."""
-    if integers[CLIPPING] == GUMBEL:
-        return edge_moments(near, following)
-    return regularised_edge_moments(near, following, scalars[SMOOTHING])
-
-
-@njit(cache=True, error_model="numpy")
-def film_force(padded, integers, scalars, arrays):
-    """Gas force on the journal F = -iint (p-1)^+ (cos, sin) dtheta dz (Eq. 9), clipped below grid level.
-
-    The cell moments are divided by (2 + cos(dtheta)) / 3, which makes the force of an unclipped film the
-    trapezoidal sum: spectrally accurate on a smooth film.
-    """
-    nodes, stations = integers[NODES], integers[STATIONS]
-    cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
-    weights = arrays[2 * nodes + 4 + stations * stations + stations :]
-    cells = (
-        nodes + integers[PERIODIC]
-    )  # from node k to k + 1 of a padded row; those beside an edge come after
-    horizontal, vertical = 0.0, 0.0
-    for j in range(stations):
-        row = padded[j * (nodes + 2) : (j + 1) * (nodes + 2)]
-        x, y = 0.0, 0.0
-        if integers[CLIPPING] == FULL:
-            for k in range(1, nodes + 1):
-                x += (row[k] - 1.0) * cosine[k]
-                y += (row[k] - 1.0) * sine[k]
-        else:
-            for k in range(1, cells):
-                left, right, _, _, _, _ = cell_moments(row[k] - 1.0, row[k + 1] - 1.0, integers, scalars)
-                x += left * cosine[k] + right * cosine[k + 1]
-                y += left * sine[k] + right * sine[k + 1]
-            for edge, near, following in ((0, 1, 2), (nodes + 1, nodes, nodes - 1)):
-                if integers[PERIODIC] == 0:
-                    outer, inner, _, _, _, _ = end_moments(
-                        row[near] - 1.0, row[following] - 1.0, integers, scalars
-                    )
-                    x += outer * cosine[edge] + inner * cosine[near]
-                    y += outer * sine[edge] + inner * sine[near]
-        horizontal += weights[j] * x
-        vertical += weights[j] * y
-    scale = -scalars[SPACING] * clipping_normaliser(integers, scalars)
-    return scale * horizontal, scale * vertical
-
-
-@njit(cache=True, error_model="numpy")
-def clipping_normaliser(integers, scalars):
-    """Factor that turns the sum of cell moments of a positive film into the trapezoidal sum."""
-    return 1.0 if integers[CLIPPING] == FULL else 3.0 / (2.0 + np.cos(scalars[SPACING]))
-
-
-@njit(cache=True, error_model="numpy")
-def film_force_derivatives(padded, integers, scalars, arrays, gradient):
-    """Fill ``gradient`` (nodes * stations, 2): derivative of the force with every pressure."""
-    nodes, stations = integers[NODES], integers[STATIONS]
-    cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
-    weights = arrays[2 * nodes + 4 + stations * stations + stations :]
-    factor = -scalars[SPACING] * clipping_normaliser(integers, scalars)
-    cells = (
-        nodes + integers[PERIODIC]
-    )  # from node k to k + 1 of a padded row; those beside an edge come after
-    gradient[:, :] = 0.0
-    for j in range(stations):
-        scale = factor * weights[j]
-        row = padded[j * (nodes + 2) : (j + 1) * (nodes + 2)]
-        own = gradient[j * nodes : (j + 1) * nodes]
-        if integers[CLIPPING] == FULL:
+            term[i] = scale * inverse[i] * (2.0 * left[i] * row[i] + behind * h_before[i])
+        term = own[AFTER]
+        for i in range(nodes):
+            term[i] = scale * inverse[i] * (2.0 * right[i] * p_after[i] - before * h_after[i])
+        term = own[THICKNESS_BEFORE]
+        for i in range(nodes):
+            through_face = left_slope[i] * (p[i] * p[i] - row[i] * row[i])
+            term[i] = scale * inverse[i] * (behind * row[i] - through_face)
+        term = own[THICKNESS_AFTER]
+        for i in range(nodes):
+            through_face = right_slope[i] * (p_after[i] * p_after[i] - p[i] * p[i])
+            term[i] = scale * inverse[i] * (through_face - before * p_after[i])
+        _fill_curvature(j, padded, integers, arrays, curvature)
+        term, rate = own[THICKNESS_HERE], pressure_rate[j * nodes : (j + 1) * nodes]
+        for i in range(nodes):
+            term[i] = (3.0 * axial * h[i] * h[i] * curvature[i] - rate[i]) * inverse[i]
+        for i in range(
+            nodes
+        ):  # through the faces, the same for both of their nodes, and through the convection
+            through = right_slope[i] * (p_after[i] * p_after[i] - p[i] * p[i])
+            through -= left_slope[i] * (p[i] * p[i] - row[i] * row[i])
+            term[i] += scale * inverse[i] * (through - (behind - before) * p[i])
+        term = own[THICKNESS_RATE]
+        for i in range(nodes):
+            term[i] = -p[i] * inverse[i]
+        for other in range(stations):
+            term, start = own[HERE + other], other * (nodes + 2) + 1
+            pressure, weight = padded[start : start + nodes], 2.0 * axial * second[j * stations + other]
             for i in range(nodes):
-                own[i, 0], own[i, 1] = scale * cosine[i + 1], scale * sine[i + 1]
-            continue
-        for k in range(1, cells):
-            _, _, ll, lr, rl, rr = cell_moments(row[k] - 1.0, row[k + 1] - 1.0, integers, scalars)
-            own[k - 1, 0] += scale * (ll * cosine[k] + rl * cosine[k + 1])
-            own[k - 1, 1] += scale * (ll * sine[k] + rl * sine[k + 1])
-            own[k % nodes, 0] += scale * (lr * cosine[k] + rr * cosine[k + 1])
-            own[k % nodes, 1] += scale * (lr * sine[k] + rr * sine[k + 1])
-        for edge, near, following in ((0, 1, 2), (nodes + 1, nodes, nodes - 1)):
-            if integers[PERIODIC] == 0:
-                _, _, en, ef, nn, nf = end_moments(row[near] - 1.0, row[following] - 1.0, integers, scalars)
-                own[near - 1, 0] += scale * (en * cosine[edge] + nn * cosine[near])
-                own[near - 1, 1] += scale * (en * sine[edge] + nn * sine[near])
-                own[following - 1, 0] += scale * (ef * cosine[edge] + nf * cosine[near])
-                own[following - 1, 1] += scale * (ef * sine[edge] + nf * sine[near])
+                term[i] = weight * h[i] * h[i] * pressure[i]
+        term = own[HERE + j]
+        for i in range(nodes):
+            through = 2.0 * (left[i] + right[i]) * p[i] + (behind - before) * h[i]
+            term[i] -= inverse[i] * (scale * through + swell[i])

@@ -8,6 +8,12 @@ work, out``. ``TANGENT``  ``out = J(phase, state, parameters) @ block``; ``block
 ``(size, columns)`` with the columns contiguous; arguments ``phase, state, block, parameters, constants,
 layout, work, out``.
 
+An implicit stepper also needs the shifted systems (I - shift J) x = b:
+
+``FACTORISE``  fills ``factors`` (zeros before the first call) at a state; arguments ``phase, state,
+parameters, shift, constants, layout, work, factors``. ``SOLVE``  replaces b by x in ``lines``, a flat array
+with LINE columns row by row; arguments ``factors, constants, layout, work, lines``.
+
 Decorate with ``@njit(RATES, cache=True)``: the explicit signature makes the compilation eager and the
 function usable as a first-class value of type ``RATES_POINTER`` in another compiled function, which is then
 cached as well.
@@ -23,5 +29,9 @@ _LAYOUT = types.int64[::1]
 
 RATES = types.void(types.float64, _VECTOR, _VECTOR, _VECTOR, _LAYOUT, _VECTOR, _VECTOR)
 TANGENT = types.void(types.float64, _VECTOR, _MATRIX, _VECTOR, _VECTOR, _LAYOUT, _VECTOR, _MATRIX)
+FACTORISE = types.void(types.float64, _VECTOR, _VECTOR, types.float64, _VECTOR, _LAYOUT, _VECTOR, _VECTOR)
+SOLVE = types.void(_VECTOR, _VECTOR, _LAYOUT, _VECTOR, _VECTOR)
 RATES_POINTER = types.FunctionType(RATES)
 TANGENT_POINTER = types.FunctionType(TANGENT)
+FACTORISE_POINTER = types.FunctionType(FACTORISE)
+SOLVE_POINTER = types.FunctionType(SOLVE)

@@ -74,3 +74,56 @@ def add_line(typing, out, to, factor, lines, source):  # type: ignore[no-untyped
         return context.get_dummy_value()
 
     return types.void(out, types.uint64, types.float64, lines, types.uint64), generate
+
+
+_UNROLLED = (2, 3, 4)  # terms of the sums that take all the time
+
+
+@_operation
+def fold_line(typing, out, to, base, start, factors, first, lines, source, step, count):  # type: ignore[no-untyped-def]
+    """out[to + c] = base[start + c] + sum_{k < count} factors[first + k] lines[source + k step + c], c <
+    LINE.
+
+    The sum stays in a register.
+    """
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        out, to, base, start, factors, first, lines, source, step, count = arguments
+        of = signature.args
+        numbers = context.make_array(of[4])(context, builder, factors).data
+
+        def add(total, k):  # type: ignore[no-untyped-def]
+            factor = builder.load(builder.gep(numbers, [builder.add(first, k)]))
+            at = builder.add(source, builder.mul(k, step))
+            line = builder.load(_address(context, builder, of[6], lines, at), align=8)
+            term = builder.fmul(_filled(builder, factor), line, flags=("contract",))
+            return builder.fadd(total, term, flags=("contract",))
+
+        def store(total):  # type: ignore[no-untyped-def]
+            builder.store(total, _address(context, builder, of[0], out, to), align=8)
+
+        begin = builder.load(_address(context, builder, of[2], base, start), align=8)
+        many = builder.append_basic_block("fold.many")
+        done = builder.append_basic_block("fold.done")
+        switch = builder.switch(count, many)
+        for known in _UNROLLED:
+            block = builder.append_basic_block(f"fold.{known}")
+            switch.add_case(ir.Constant(count.type, known), block)
+            builder.position_at_end(block)
+            total = begin
+            for k in range(known):
+                total = add(total, ir.Constant(count.type, k))
+            store(total)
+            builder.branch(done)
+        builder.position_at_end(many)
+        total = cgutils.alloca_once(builder, _LINE_TYPE)
+        builder.store(begin, total)
+        with cgutils.for_range(builder, count) as loop:
+            builder.store(add(builder.load(total), loop.index), total)
+        store(builder.load(total))
+        builder.branch(done)
+        builder.position_at_end(done)
+        return context.get_dummy_value()
+
+    at = types.uint64
+    return types.void(out, at, base, at, factors, at, lines, at, at, at), generate

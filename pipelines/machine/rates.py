@@ -19,6 +19,7 @@ from .film import (
     BEFORE,
     FILM_INTEGERS,
     FILM_SCALARS,
+    FILM_SCRATCH,
     FOIL,
     HERE,
     NODES,
@@ -31,13 +32,12 @@ from .film import (
     THICKNESS_HERE,
     THICKNESS_RATE,
     film_derivatives,
-    film_force,
-    film_force_derivatives,
     film_geometry,
     film_rates,
     foil_coefficients,
     pad_pressure,
 )
+from .film_force import FORCE_SCRATCH, film_force
 from .kernels import RATES, TANGENT
 from .lines import LINE, add_line, set_line
 
@@ -60,18 +60,27 @@ def bearing_views(bearing, constants, layout):
 
 @njit(cache=True)
 def film_workspace(integers, work):
-    """Thickness (nodes + 2), its rate (nodes) and padded pressures."""
-    nodes, stations = integers[NODES], integers[STATIONS]
-    first, second = nodes + 2, 2 * nodes + 2
-    third = second + stations * (nodes + 2)
-    return work[:first], work[first:second], work[second:third]
+    """Thickness (nodes + 2), its rate (nodes), padded pressures, scratch of the film and of the force."""
+    padded = integers[NODES] + 2
+    a = 2 * padded
+    b = a + integers[STATIONS] * padded
+    c = b + FILM_SCRATCH * padded
+    return (
+        work[:padded],
+        work[padded : a - 2],
+        work[a:b],
+        work[b:c].reshape(FILM_SCRATCH, padded),
+        work[c : c + FORCE_SCRATCH * padded].reshape(FORCE_SCRATCH, padded),
+    )
 
 
 @njit(cache=True)
-def bearing_rates(phase, state, parameters, bearing, constants, layout, work, out):
-    """Film and foil rates of one bearing into ``out``; returns the force on its journal."""
+def bearing_rates(phase, state, parameters, bearing, constants, layout, work, out, gradient):
+    """Film and foil rates of one bearing into ``out``; returns the force on its journal and, unless
+    ``gradient`` is empty, its derivatives there.
+    """
     integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
-    thickness, thickness_rate, padded = film_workspace(integers, work)
+    thickness, thickness_rate, padded, scratch, force_scratch = film_workspace(integers, work)
     dof, size = layout[ROTOR_STATE] + layout[JOURNAL + bearing], layout[ROTOR_SIZE]
     journal = (state[dof] / clearance, state[dof + 1] / clearance,
                state[dof + size] / clearance, state[dof + size + 1] / clearance)  # fmt: skip
@@ -81,9 +90,17 @@ def bearing_rates(phase, state, parameters, bearing, constants, layout, work, ou
     )  # fmt: skip
     pad_pressure(state[integers[PRESSURE] :], integers, padded)
     film_rates(
-        padded, parameters, integers, scalars, arrays, thickness, thickness_rate, out[integers[PRESSURE] :]
+        padded,
+        parameters,
+        integers,
+        scalars,
+        arrays,
+        thickness,
+        thickness_rate,
+        out[integers[PRESSURE] :],
+        scratch,
     )
-    return film_force(padded, integers, scalars, arrays)
+    return film_force(padded, integers, scalars, arrays, gradient, force_scratch)
 
 
 @njit(cache=True)
@@ -103,7 +120,9 @@ def machine_rates(phase, state, parameters, constants, layout, work, out):
     """ds/dtau of the whole machine (Eq. 16)."""
     force = work[:4]
     for bearing in range(BEARINGS):
-        x, y = bearing_rates(phase, state, parameters, bearing, constants, layout, work[4:], out)
+        x, y = bearing_rates(
+            phase, state, parameters, bearing, constants, layout, work[4:], out, work[:0].reshape(2, 0)
+        )
         force[2 * bearing], force[2 * bearing + 1] = x, y
     stiffness, damping, gyroscopic, influence, gravity = rotor_views(constants, layout)
     start, size = layout[ROTOR_STATE], layout[ROTOR_SIZE]
@@ -125,20 +144,12 @@ def linearise_bearing(phase, state, parameters, bearing, constants, layout, work
     """Fill the derivatives of a bearing's film (``terms``) and force (``gradient``) at a state."""
     integers, scalars, arrays, _ = bearing_views(bearing, constants, layout)
     rates = work[: state.size]
-    bearing_rates(phase, state, parameters, bearing, constants, layout, work[state.size :], rates)
-    thickness, thickness_rate, padded = film_workspace(integers, work[state.size :])
+    bearing_rates(phase, state, parameters, bearing, constants, layout, work[state.size :], rates, gradient)
+    thickness, thickness_rate, padded, scratch, _ = film_workspace(integers, work[state.size :])
     film_derivatives(
-        padded,
-        parameters,
-        integers,
-        scalars,
-        arrays,
-        thickness,
-        thickness_rate,
-        rates[integers[PRESSURE] :],
-        terms,
-    )
-    film_force_derivatives(padded, integers, scalars, arrays, gradient)
+        padded, parameters, integers, scalars, arrays, thickness, thickness_rate, rates[integers[PRESSURE] :],
+        terms, scratch,
+    )  # fmt: skip
 
 
 # The tangent sweeps a block in chunks of columns, copied line by line into one flat array: a line holds one
@@ -227,19 +238,19 @@ def film_lines(lines, terms, integers, out):
         for i in range(nodes):
             row = j * nodes + i
             to, dh, rate, station = row * w, slope + i * w, slope_rate + i * w, i * w
-            before, after = terms[row, BEFORE], terms[row, AFTER]
+            before, after = terms[BEFORE, row], terms[AFTER, row]
             left, right = to - w, to + w
             if i == 0:
                 left, before = to + (nodes - one) * w, before if periodic else 0.0
             if i == nodes - one:
                 right, after = to - (nodes - one) * w, after if periodic else 0.0
             factors = (
-                terms[row, THICKNESS_BEFORE], terms[row, THICKNESS_HERE], terms[row, THICKNESS_AFTER],
-                terms[row, THICKNESS_RATE], before, after,
+                terms[THICKNESS_BEFORE, row], terms[THICKNESS_HERE, row], terms[THICKNESS_AFTER, row],
+                terms[THICKNESS_RATE, row], before, after,
             )  # fmt: skip
             set_line(out, to, factors, lines, (dh, dh + w, dh + w + w, rate, left, right))
             for other in range(stations):
-                add_line(out, to, terms[row, UNSIGNED(HERE) + other], lines, station + other * step)
+                add_line(out, to, terms[UNSIGNED(HERE) + other, row], lines, station + other * step)
 
 
 @njit(cache=True, error_model="numpy")
@@ -247,9 +258,9 @@ def force_lines(lines, gradient, force):
     """Lines dF_x and dF_y of a bearing into ``force`` (2 lines)."""
     w = UNSIGNED(LINE)
     force[:] = 0.0
-    for row in range(UNSIGNED(gradient.shape[0])):
-        add_line(force, UNSIGNED(0), gradient[row, 0], lines, row * w)
-        add_line(force, w, gradient[row, 1], lines, row * w)
+    for row in range(UNSIGNED(gradient.shape[1])):
+        add_line(force, UNSIGNED(0), gradient[0, row], lines, row * w)
+        add_line(force, w, gradient[1, row], lines, row * w)
 
 
 @njit(cache=True)
@@ -290,8 +301,8 @@ def tangent_workspace(nodes, stations, work):
     d = c + (rows + nodes) * LINE
     e = d + 2 * LINE
     return (
-        work[:a].reshape(rows, HERE + stations),
-        work[a:b].reshape(rows, 2),
+        work[:a].reshape(HERE + stations, rows),
+        work[a:b].reshape(2, rows),
         work[b:c],
         work[c:d],
         work[d:e],
@@ -324,9 +335,14 @@ def machine_tangent(phase, state, block, parameters, constants, layout, work, ou
             add_force(force, first, width, bearing, constants, layout, out)
 
 
+def film_workspace_size(nodes: int, stations: int) -> int:
+    """Doubles of ``film_workspace``."""
+    return (2 + stations + FILM_SCRATCH + FORCE_SCRATCH) * (nodes + 2)
+
+
 def workspace_size(state_size: int, nodes: int, stations: int) -> int:
     """Scratch doubles that ``machine_rates`` and ``machine_tangent`` need for such a bearing."""
-    film = 2 * nodes + 2 + stations * (nodes + 2)
+    film = film_workspace_size(nodes, stations)
     rows = nodes * stations
     lines = (2 * rows + 4 * nodes + 8) * LINE
     return rows * (HERE + stations + 2) + lines + state_size + film + BEARINGS * 2

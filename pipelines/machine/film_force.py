@@ -1,0 +1,286 @@
+"""The gas force on the journal, clipped below grid level, and its derivative with every pressure (Eq. 9).
+
+    F = -iint (p - 1)^+ (cos, sin) dtheta dz
+
+Between the nodes the gauge pressure is a continuously differentiable, piecewise quadratic spline
+
+    u(theta_i + x dtheta) = 1/2 P_{i-1} (1/2 - x)^2 + P_i (3/4 - x^2) + 1/2 P_{i+1} (1/2 + x)^2,   |x| <= 1/2
+    P_i = p_i - (p_{i-1} - 2 p_i + p_{i+1}) / 8 - 1
+
+which meets a smooth pressure at the nodes to third order.  Beside the foil edge, where u = 0 and the pressure
+has a kink, one parabola covers 3/2 spacings and joins the spline with its slope.  The force is the integral
+over the set where u > 0, whose ends move smoothly through the grid: the force is twice continuously
+differentiable in time as long as the pressure crosses the ambient line with a slope.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .film import CLIPPING, FULL, GUMBEL, NODES, PERIODIC, SMOOTHING, SPACING, STATIONS
+
+# Abscissae and weights of Gauss-Legendre quadrature on [0, 1]: resolves the regularised clipping inside a
+# cell.
+_GAUSS_POINTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(5)[0]
+_GAUSS_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(5)[1]
+
+
+@njit(cache=True, error_model="numpy")
+def _power_integrals(a, b):
+    """Integrals of 1, x, ..., x^4 from a to b."""
+    a2, b2 = a * a, b * b
+    return (
+        b - a, (b2 - a2) / 2.0, (b2 * b - a2 * a) / 3.0, (b2 * b2 - a2 * a2) / 4.0,
+        (b2 * b2 * b - a2 * a2 * a) / 5.0,
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def positive_moments(c0, c1, c2, low, high):
+    """Integrals of 1, x, ..., x^4 over the part of [low, high] where c0 + c1 x + c2 x^2 > 0."""
+    # u lies between its Bernstein coefficients.
+    at_low, at_high = c0 + low * (c1 + low * c2), c0 + high * (c1 + high * c2)
+    middle = c0 + 0.5 * c1 * (low + high) + c2 * low * high
+    if (at_low <= 0.0) & (middle <= 0.0) & (at_high <= 0.0):
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    if (at_low >= 0.0) & (middle >= 0.0) & (at_high >= 0.0):
+        return _power_integrals(low, high)
+    # Between its roots q/c2 and c0/q, cut off at the ends, u has the sign of -c2.
+    c2 += 0.0  # not -0, which would put a root at the wrong infinity
+    discriminant, one, other = c1 * c1 - 4.0 * c0 * c2, low, low
+    if discriminant > 0.0:
+        q = -0.5 * (c1 + np.copysign(np.sqrt(discriminant), c1))
+        one, other = min(max(q / c2, low), high), min(max(c0 / q, low), high)
+    m0, m1, m2, m3, m4 = _power_integrals(min(one, other), max(one, other))
+    if c2 < 0.0:
+        return m0, m1, m2, m3, m4
+    p0, p1, p2, p3, p4 = _power_integrals(low, high)
+    return p0 - m0, p1 - m1, p2 - m2, p3 - m3, p4 - m4
+
+
+@njit(cache=True, error_model="numpy")
+def clipped_integrals(c0, c1, c2, low, high, spacing):
+    """C = int u^+ cos(dtheta x) dx and S = int u^+ sin(dtheta x) dx of u = c0 + c1 x + c2 x^2, each with its
+    derivatives by c0, c1, c2; cosine and sine to second order in dtheta x.
+    """
+    m0, m1, m2, m3, m4 = positive_moments(c0, c1, c2, low, high)
+    half = 0.5 * spacing * spacing
+    k0, k1, k2 = m0 - half * m2, m1 - half * m3, m2 - half * m4
+    s0, s1, s2 = spacing * m1, spacing * m2, spacing * m3
+    return c0 * k0 + c1 * k1 + c2 * k2, k0, k1, k2, c0 * s0 + c1 * s1 + c2 * s2, s0, s1, s2
+
+
+@njit(cache=True, error_model="numpy")
+def regularised_integrals(c0, c1, c2, low, high, spacing, width):
+    """The same for (u + sqrt(u^2 + width^2)) / 2 in place of u^+, by Gauss quadrature."""
+    half = 0.5 * spacing * spacing
+    cosine, k0, k1, k2, sine, s0, s1, s2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for g in range(_GAUSS_POINTS.size):
+        x, weight = low + (high - low) * _GAUSS_POINTS[g], 0.5 * (high - low) * _GAUSS_WEIGHTS[g]
+        u = c0 + x * (c1 + x * c2)
+        root = np.sqrt(u * u + width * width)
+        value, slope = weight * (u + root), weight * (1.0 + u / root)
+        even, odd = 1.0 - half * x * x, spacing * x
+        cosine += value * even
+        sine += value * odd
+        k0 += slope * even
+        k1 += slope * even * x
+        k2 += slope * even * x * x
+        s0 += slope * odd
+        s1 += slope * odd * x
+        s2 += slope * odd * x * x
+    return cosine, k0, k1, k2, sine, s0, s1, s2
+
+
+@njit(cache=True, error_model="numpy")
+def cell_integrals(c0, c1, c2, low, high, integers, scalars):
+    """The integrals of a cell by the bearing's way of clipping."""
+    if integers[CLIPPING] == GUMBEL:
+        return clipped_integrals(c0, c1, c2, low, high, scalars[SPACING])
+    return regularised_integrals(c0, c1, c2, low, high, scalars[SPACING], scalars[SMOOTHING])
+
+
+# Rows of scratch space, nodes + 2 each: the spline's P at the nodes, the derivatives of the force by it,
+# and the kind of the spacing around each node: positive throughout (1), nowhere (0) or in part (-1).
+COEFFICIENT, BY_X, BY_Y, KIND = range(4)
+FORCE_SCRATCH = 4
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_coefficients(row, integers, out):
+    """P of a padded row of pressures; zero on a foil edge."""
+    nodes = integers[NODES]
+    inner, before, here, after = out[1 : nodes + 1], row[:nodes], row[1 : nodes + 1], row[2:]
+    for i in range(nodes):
+        inner[i] = 1.25 * here[i] - 0.125 * (before[i] + after[i]) - 1.0
+    periodic = integers[PERIODIC] == 1
+    out[0] = out[nodes] if periodic else 0.0
+    out[nodes + 1] = out[1] if periodic else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _apply_coefficients(by_coefficient, scale, integers, out):
+    """Derivatives by the pressures of a row from those by P, and clear these."""
+    nodes = integers[NODES]
+    if integers[PERIODIC] == 1:
+        by_coefficient[nodes] += by_coefficient[0]
+        by_coefficient[1] += by_coefficient[nodes + 1]
+        by_coefficient[0], by_coefficient[nodes + 1] = by_coefficient[nodes], by_coefficient[1]
+    else:
+        by_coefficient[0], by_coefficient[nodes + 1] = 0.0, 0.0
+    before, here, after = by_coefficient[:nodes], by_coefficient[1 : nodes + 1], by_coefficient[2:]
+    for i in range(nodes):
+        out[i] = scale * (1.25 * here[i] - 0.125 * (before[i] + after[i]))
+    by_coefficient[:] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _edge_force(scratch, edge, cosine, sine, integers, scalars, wanted):
+    """int u^+ (cos, sin) over the 3/2 spacings beside a foil edge: the parabola through u = 0 that
+    continues the spline.  Its coordinate runs from -1 at the edge to 1/2, with 0 at the first node.
+    """
+    nodes = integers[NODES]
+    node, other, turn = (1, 2, 1.0) if edge == 0 else (nodes, nodes - 1, -1.0)
+    near, far = scratch[COEFFICIENT, node], scratch[COEFFICIENT, other]
+    even, k0, k1, k2, odd, s0, s1, s2 = cell_integrals(
+        (7.0 * near + far) / 9.0, (5.0 * far - near) / 9.0, (4.0 * far - 8.0 * near) / 9.0,
+        -1.0, 0.5, integers, scalars,
+    )  # fmt: skip
+    c, s = cosine[node], turn * sine[node]
+    if wanted:
+        for direction, along, across in ((BY_X, c, -s), (BY_Y, turn * s, turn * c)):
+            x0, x1, x2 = along * k0 + across * s0, along * k1 + across * s1, along * k2 + across * s2
+            scratch[direction, node] += (7.0 * x0 - x1 - 8.0 * x2) / 9.0
+            scratch[direction, other] += (x0 + 5.0 * x1 + 4.0 * x2) / 9.0
+    return c * even - s * odd, turn * (s * even + c * odd)
+
+
+@njit(cache=True, error_model="numpy")
+def _cut_force(scratch, k, cosine, sine, integers, scalars, wanted):
+    """int u^+ (cos, sin) over the spacing around node k, where u may change its sign."""
+    coefficient = scratch[COEFFICIENT]
+    before, here, after = coefficient[k - 1], coefficient[k], coefficient[k + 1]
+    even, k0, k1, k2, odd, s0, s1, s2 = cell_integrals(
+        0.125 * (before + 6.0 * here + after), 0.5 * (after - before), 0.5 * (before - 2.0 * here + after),
+        -0.5, 0.5, integers, scalars,
+    )  # fmt: skip
+    c, s = cosine[k], sine[k]
+    if wanted:
+        for direction, along, across in ((BY_X, c, -s), (BY_Y, s, c)):
+            x0, x1, x2 = along * k0 + across * s0, along * k1 + across * s1, along * k2 + across * s2
+            scratch[direction, k - 1] += 0.125 * x0 - 0.5 * x1 + 0.5 * x2
+            scratch[direction, k] += 0.75 * x0 - x2
+            scratch[direction, k + 1] += 0.125 * x0 + 0.5 * x1 + 0.5 * x2
+    return c * even - s * odd, s * even + c * odd
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_kinds(scratch, first, last, integers):
+    """Fill KIND of the nodes ``first`` to ``last``; zero elsewhere.
+
+    u lies between its Bernstein coefficients, which are the mean of P with either neighbour and P itself.
+    """
+    kind = scratch[KIND]
+    kind[:] = 0.0
+    own, count = kind[first : last + 1], last - first + 1
+    if integers[CLIPPING] != GUMBEL:
+        own[:] = -1.0
+        return
+    before, here = scratch[COEFFICIENT, first - 1 : last], scratch[COEFFICIENT, first : last + 1]
+    after = scratch[COEFFICIENT, first + 1 : last + 2]
+    for i in range(count):
+        left, middle, right = before[i] + here[i], here[i], here[i] + after[i]
+        whole = (left >= 0.0) & (middle >= 0.0) & (right >= 0.0)
+        empty = (left <= 0.0) & (middle <= 0.0) & (right <= 0.0)
+        own[i] = 1.0 if whole else (0.0 if empty else -1.0)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def _whole_force(scratch, cosine, sine, integers, scalars, wanted):
+    """int u^+ (cos, sin) over the spacings where u is positive throughout: with k0, k2 and s1 the integrals
+    of ``clipped_integrals`` over [-1/2, 1/2], the sums C = c0 k0 + c2 k2 and S = c1 s1 of every node.
+    """
+    nodes, spacing = integers[NODES], scalars[SPACING]
+    k0, k2, s1 = 1.0 - spacing**2 / 24.0, 1.0 / 12.0 - spacing**2 / 160.0, spacing / 12.0
+    own, beside, across = 0.75 * k0 - k2, 0.125 * k0 + 0.5 * k2, 0.5 * s1
+    coefficient, kind = scratch[COEFFICIENT], scratch[KIND]
+    before, here, after, kind_here = (
+        coefficient[:nodes],
+        coefficient[1 : nodes + 1],
+        coefficient[2:],
+        kind[1 : nodes + 1],
+    )
+    c, s = cosine[1 : nodes + 1], sine[1 : nodes + 1]
+    x, y = 0.0, 0.0
+    for i in range(nodes):
+        even, odd = own * here[i] + beside * (before[i] + after[i]), across * (after[i] - before[i])
+        x += kind_here[i] * (c[i] * even - s[i] * odd)
+        y += kind_here[i] * (s[i] * even + c[i] * odd)
+    if wanted:
+        c_before, c_after, s_before, s_after = cosine[:nodes], cosine[2:], sine[:nodes], sine[2:]
+        kind_before, kind_after = kind[:nodes], kind[2:]
+        by_x, by_y = scratch[BY_X, 1 : nodes + 1], scratch[BY_Y, 1 : nodes + 1]
+        for i in range(nodes):
+            left, right = kind_before[i], kind_after[i]
+            by_x[i] += own * kind_here[i] * c[i] + left * (beside * c_before[i] - across * s_before[i])
+            by_x[i] += right * (beside * c_after[i] + across * s_after[i])
+        for i in range(nodes):
+            left, right = kind_before[i], kind_after[i]
+            by_y[i] += own * kind_here[i] * s[i] + left * (beside * s_before[i] + across * c_before[i])
+            by_y[i] += right * (beside * s_after[i] - across * c_after[i])
+    return x, y
+
+
+@njit(cache=True, error_model="numpy")
+def _station_force(scratch, cosine, sine, integers, scalars, wanted):
+    """int u^+ (cos, sin) over theta / dtheta of the station whose P stands in ``scratch``."""
+    nodes, periodic, kind = integers[NODES], integers[PERIODIC] == 1, scratch[KIND]
+    first, last = (1, nodes) if periodic else (2, nodes - 1)
+    _fill_kinds(scratch, first, last, integers)
+    x, y = 0.0, 0.0
+    for k in range(first, last + 1):
+        if kind[k] < 0.0:
+            kind[k] = 0.0
+            own_x, own_y = _cut_force(scratch, k, cosine, sine, integers, scalars, wanted)
+            x, y = x + own_x, y + own_y
+    if periodic:
+        kind[0], kind[nodes + 1] = kind[nodes], kind[1]
+    else:
+        for edge in range(2):
+            own_x, own_y = _edge_force(scratch, edge, cosine, sine, integers, scalars, wanted)
+            x, y = x + own_x, y + own_y
+    own_x, own_y = _whole_force(scratch, cosine, sine, integers, scalars, wanted)
+    return x + own_x, y + own_y
+
+
+@njit(cache=True, error_model="numpy")
+def film_force(padded, integers, scalars, arrays, gradient, scratch):
+    """Gas force on the journal (F_x, F_y); ``gradient`` (2, nodes * stations) receives its derivative with
+    every pressure unless it is empty.  ``scratch`` (FORCE_SCRATCH, nodes + 2).
+    """
+    nodes, stations, wanted = integers[NODES], integers[STATIONS], gradient.shape[1] > 0
+    cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
+    weights = arrays[2 * nodes + 4 + stations * stations + stations :]
+    scratch[BY_X], scratch[BY_Y] = 0.0, 0.0
+    x, y = 0.0, 0.0
+    for j in range(stations):
+        scale = -scalars[SPACING] * weights[j]
+        row = padded[j * (nodes + 2) : (j + 1) * (nodes + 2)]
+        if integers[CLIPPING] == FULL:  # the trapezoidal sum, spectrally accurate on a smooth film
+            for k in range(1, nodes + 1):
+                x += scale * (row[k] - 1.0) * cosine[k]
+                y += scale * (row[k] - 1.0) * sine[k]
+            if wanted:
+                gradient[0, j * nodes : (j + 1) * nodes] = scale * cosine[1 : nodes + 1]
+                gradient[1, j * nodes : (j + 1) * nodes] = scale * sine[1 : nodes + 1]
+            continue
+        _fill_coefficients(row, integers, scratch[COEFFICIENT])
+        own_x, own_y = _station_force(scratch, cosine, sine, integers, scalars, wanted)
+        x, y = x + scale * own_x, y + scale * own_y
+        if wanted:
+            for k in range(2):
+                _apply_coefficients(
+                    scratch[BY_X + k], scale, integers, gradient[k, j * nodes : (j + 1) * nodes]
+                )
+    return x, y

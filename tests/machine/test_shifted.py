@@ -1,0 +1,92 @@
+"""The shifted equations of the machine: (I - shift J) x = b against the dense matrix."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipelines.case.models import Case
+from pipelines.machine.assembly import build_machine, parameter_vector
+from pipelines.machine.lines import LINE
+from pipelines.orbits.machine_cycles import machine_system
+from tests.machines import BEARING, FOIL, OTHER_BEARING, case
+
+PHASE = 0.7
+
+
+def states(description: Case) -> tuple[Any, np.ndarray, np.ndarray]:
+    """The system, a state away from any equilibrium with pressures on both sides of ambient, the
+    parameters.
+    """
+    machine = build_machine(description)
+    state = 0.02 * np.random.default_rng(3).standard_normal(machine.size)
+    for bearing in range(2):
+        machine.pressures(state, bearing)[:] += 1.0
+    return machine_system(machine), state, parameter_vector(description)
+
+
+def solved(
+    system: Any, state: np.ndarray, parameters: np.ndarray, shift: float, right: np.ndarray
+) -> np.ndarray:
+    factors, work = np.zeros(system.shifted.factors_size), np.zeros(system.work_size)
+    system.shifted.factorise(PHASE, state, parameters, shift, system.constants, system.layout, work, factors)
+    lines = right.copy().ravel()
+    system.shifted.solve(factors, system.constants, system.layout, work, lines)
+    return lines.reshape(right.shape)
+
+
+def pair(
+    first: dict[str, Any], second: dict[str, Any], **changes: Any
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    return {**first, **changes}, {**second, **changes}
+
+
+@pytest.mark.parametrize("shift", [1e-3, 0.05, 1.0])
+@pytest.mark.parametrize("film", ["edge", "periodic"])
+@pytest.mark.parametrize("grid", [(8, 1), (12, 2), (16, 3), (12, 4), (9, 6)])
+def test_solution_of_the_dense_system(grid: tuple[int, int], film: str, shift: float) -> None:
+    """Two bearings that differ in every length; 1e-11 because the condition number reaches 1e4."""
+    system, state, parameters = states(case(grid, bearings=pair(BEARING, OTHER_BEARING, film=film)))
+    right = np.random.default_rng(4).standard_normal((system.size, LINE))
+    jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
+    expected = np.linalg.solve(np.eye(system.size) - shift * jacobian, right)
+    found = solved(system, state, parameters, shift, right)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"foil": {"rigid": True}},
+        {"foil": {**FOIL, "damping": "loss_factor"}},
+        {"clipping": "full"},
+        {"clipping": "smooth"},
+    ],
+    ids=str,
+)
+def test_variants_of_the_bearing(changes: dict[str, Any]) -> None:
+    description = case((12, 2), bearings=pair(BEARING, OTHER_BEARING, **changes))
+    system, state, parameters = states(description)
+    right = np.random.default_rng(4).standard_normal((system.size, LINE))
+    jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
+    expected = np.linalg.solve(np.eye(system.size) - 0.05 * jacobian, right)
+    np.testing.assert_allclose(solved(system, state, parameters, 0.05, right), expected, atol=1e-11)
+
+
+def test_factors_follow_the_speed() -> None:
+    """The rotor's matrices are kept between calls with the same shift and speed, and renewed with another."""
+    system, state, parameters = states(case((8, 1)))
+    right = np.random.default_rng(4).standard_normal((system.size, LINE))
+    factors, work = np.zeros(system.shifted.factors_size), np.zeros(system.work_size)
+    for speed, shift in ((1.0, 0.1), (1.5, 0.1), (1.5, 0.2)):
+        parameters[0] = speed
+        system.shifted.factorise(
+            PHASE, state, parameters, shift, system.constants, system.layout, work, factors
+        )
+        lines = right.copy().ravel()
+        system.shifted.solve(factors, system.constants, system.layout, work, lines)
+        np.testing.assert_array_equal(
+            lines.reshape(right.shape), solved(system, state, parameters, shift, right)
+        )
