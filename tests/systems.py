@@ -2,11 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 from numba import njit
 
-from pipelines.machine.kernels import RATES, TANGENT
-from pipelines.orbits.system import DynamicalSystem
+from pipelines.machine.kernels import FACTORISE, RATES, SOLVE, TANGENT
+from pipelines.machine.lines import LINE
+from pipelines.orbits.system import DynamicalSystem, ShiftedSolver
+
+
+def dense_shifted(tangent: Any, size: int) -> ShiftedSolver:
+    """The shifted equations of a small compiled system, solved by the inverse matrix."""
+
+    @njit(FACTORISE)
+    def factorise(phase, state, parameters, shift, constants, layout, work, factors):  # type: ignore[no-untyped-def]
+        identity = np.eye(size)
+        jacobian = np.empty((size, size))
+        tangent(phase, state, identity, parameters, constants, layout, work, jacobian)
+        factors[:] = np.linalg.inv(identity - shift * jacobian).ravel()
+
+    @njit(SOLVE)
+    def solve(factors, constants, layout, work, lines):  # type: ignore[no-untyped-def]
+        lines[:] = (factors.reshape(size, size) @ lines.reshape(size, LINE)).ravel()
+
+    return ShiftedSolver(factorise, solve, size * size)
+
 
 # --- Tondl's self-excited oscillator with parametric coupling, tests/reference/tondl_verified_point
 
@@ -148,6 +170,11 @@ def duffing_tangent(phase, s, block, p, constants, layout, work, out):  # type: 
 def duffing() -> DynamicalSystem:
     """x'' + 0.1 x' + x + x^3 = load cos(omega tau), parameters (omega, load)."""
     return DynamicalSystem(2, duffing_rates, duffing_tangent, ("omega", "load"), forcing=0)
+
+
+def implicit(system: DynamicalSystem) -> DynamicalSystem:
+    """A small compiled system with which implicit steppers work too."""
+    return replace(system, shifted=dense_shifted(system.tangent, system.size))
 
 
 def closed_form_hopf_multipliers(mu: float, b: float, decay: float, frequency: float) -> np.ndarray:

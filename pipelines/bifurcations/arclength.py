@@ -7,6 +7,7 @@ In the space u = (s, T, lambda) a point follows u_0 with unit tangent t at dista
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -45,11 +46,12 @@ from pipelines.orbits.shooting import (
     correct,
     first_basis,
     following_basis,
-    needed_steps,
     reference_of,
     tangent_at,
 )
+from pipelines.orbits.time_steps import StepDemand, first_steps, following_steps, step_demand
 
+_NO_DEMAND = StepDemand(0, math.nan)  # of a correction without a cycle
 _UNEXPLAINED = "the number of unstable multipliers changes without an event to explain it"
 
 
@@ -120,16 +122,18 @@ def _open_branch(
             f"the start {problem.parameter} = {start.parameter} lies outside the range {options.range}"
         )
     guess = problem.consistent(Unknowns(np.array(start.state, dtype=float), start.period, start.parameter))
-    steps = needed_steps(problem, guess)
+    steps = first_steps(problem, guess)
     reference = reference_of(problem, guess, steps)
     basis = first_basis(problem, guess, steps)
     correction = correct(problem, guess, problem.fixed_parameter(start.parameter), basis, steps, reference)
-    if correction.cycle is not None and (needed := needed_steps(problem, correction.cycle)) > steps:
-        guess, steps = correction.cycle.unknowns, needed
+    demand = _NO_DEMAND if correction.cycle is None else step_demand(problem, correction.cycle)
+    while correction.cycle is not None and demand.steps > steps:
+        guess, steps = correction.cycle.unknowns, demand.steps
         reference = reference_of(problem, guess, steps)
         correction = correct(
             problem, guess, problem.fixed_parameter(start.parameter), correction.cycle.basis, steps, reference
         )
+        demand = _NO_DEMAND if correction.cycle is None else step_demand(problem, correction.cycle)
     cycle = correction.cycle
     if cycle is None:
         return BranchResult(BranchStop.START_FAILED, None, correction.stop.advice)
@@ -150,13 +154,14 @@ def _open_branch(
         step=options.step,
         arclength=0.0,
         steps=steps,
+        step_error=demand.error,
         basis=following_basis(problem, cycle),
         multipliers=cycle.spectrum.multipliers,
         start_state=at.state,
         start_period=at.period,
         start_parameter=at.parameter,
     )
-    return _point(problem, correction, cycle, _Found()), state
+    return _point(problem, correction, cycle, demand, _Found()), state
 
 
 def _stop_reason(state: BranchState, options: ContinuationOptions, metric: Metric) -> BranchStop | None:
@@ -175,8 +180,9 @@ def _attempt(
     problem: CycleProblem, state: BranchState, options: ContinuationOptions, metric: Metric
 ) -> _Step | _Rejected:
     """One step: predict, correct, test, locate.  Rejected means that the step is too long."""
-    reference = reference_of(problem, state.unknowns, state.steps)
-    correction = _predict_and_correct(problem, state, options, metric, reference)
+    steps = following_steps(problem, state.steps, state.step_error)
+    reference = reference_of(problem, state.unknowns, steps)
+    correction, demand = _predict_and_correct(problem, state, options, metric, steps, reference)
     segment = _segment(problem, state, options, metric, correction, reference)
     if isinstance(segment, _Rejected):
         return segment
@@ -190,7 +196,7 @@ def _attempt(
     found = _events(segment, options.detection, accept_anyway=_is_shortest(state, options))
     if isinstance(found, _Rejected):
         return found
-    return _Step(_point(problem, correction, segment.end, found), segment, found.located)
+    return _Step(_point(problem, correction, segment.end, demand, found), segment, found.located)
 
 
 def _is_shortest(state: BranchState, options: ContinuationOptions) -> bool:
@@ -237,35 +243,36 @@ def _predict_and_correct(
     state: BranchState,
     options: ContinuationOptions,
     metric: Metric,
+    steps: int,
     reference: PhaseReference | None,
-) -> Correction:
+) -> tuple[Correction, StepDemand]:
     """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it
-    instead.
+    instead.  Repeated with more time steps when the cycle asks for them.
     """
     row = metric.row(state.tangent)
     guess = state.unknowns.plus(state.tangent, state.step)
     constraint = Constraint(row, row.dot(state.unknowns) + state.step)
     bound = _bound_passed(guess.parameter, options.range)
     if bound is None:
-        correction = correct(problem, guess, constraint, state.basis, state.steps, reference)
+        correction = correct(problem, guess, constraint, state.basis, steps, reference)
         if correction.cycle is None:
-            return correction
+            return correction, _NO_DEMAND
         guess = correction.cycle.unknowns
         bound = _bound_passed(guess.parameter, options.range)
     if bound is not None:
         share = (bound - state.parameter) / (guess.parameter - state.parameter)
         guess = state.unknowns.plus(guess.minus(state.unknowns), share)
         constraint = problem.fixed_parameter(bound)
-        correction = correct(problem, guess, constraint, state.basis, state.steps, reference)
+        correction = correct(problem, guess, constraint, state.basis, steps, reference)
     if correction.cycle is None:
-        return correction
-    needed = needed_steps(problem, correction.cycle)
-    if needed > state.steps:
-        grown = problem.period_map.samples * int(STEP_GROWTH * needed / problem.period_map.samples + 1)
-        guess = correction.cycle.unknowns
-        again = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
-        return _one_history(correction, again)
-    return correction
+        return correction, _NO_DEMAND
+    demand = step_demand(problem, correction.cycle)
+    if demand.steps <= steps:
+        return correction, demand
+    guess, grown = correction.cycle.unknowns, problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
+    again = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
+    demand = _NO_DEMAND if again.cycle is None else step_demand(problem, again.cycle)
+    return _one_history(correction, again), demand
 
 
 def _one_history(first: Correction, second: Correction) -> Correction:
@@ -323,12 +330,15 @@ def _events(segment: Segment, options: DetectionOptions, accept_anyway: bool) ->
     return _Found(tuple(sorted(events, key=lambda event: event.fraction)), tuple(unlocated), unexplained)
 
 
-def _point(problem: CycleProblem, correction: Correction, cycle: Cycle, found: _Found) -> BranchPoint:
+def _point(
+    problem: CycleProblem, correction: Correction, cycle: Cycle, demand: StepDemand, found: _Found
+) -> BranchPoint:
     return BranchPoint(
         cycle,
         unstable_count(cycle.spectrum.multipliers, problem.period_map.autonomous),
         correction.residual_norms,
         correction.update_norms,
+        demand.error,
         found.unlocated,
         found.unexplained,
     )
@@ -389,6 +399,7 @@ def _advance(
         step=length,
         arclength=state.arclength + step.segment.length,
         steps=cycle.steps,
+        step_error=step.point.step_error,
         basis=following_basis(problem, cycle),
         multipliers=cycle.spectrum.multipliers,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from enum import Enum
@@ -90,8 +91,8 @@ class BranchState:
 
     A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``,
     ``start_state`` (N,), ``basis`` (N, k), ``multipliers`` (m,) complex; ``index`` counts the recorded points
-    from zero; ``step`` is the next arclength step; ``steps`` are per period; ``start_*`` is the first point,
-    for closed curves.
+    from zero; ``step`` is the next arclength step; ``steps`` are per period and leave ``step_error`` in the
+    multipliers; ``start_*`` is the first point, for closed curves.
     """
 
     index: int
@@ -104,6 +105,7 @@ class BranchState:
     step: float
     arclength: float
     steps: int
+    step_error: float
     basis: Matrix
     multipliers: Complex
     start_state: Vector
@@ -143,7 +145,8 @@ class BranchState:
 class BranchPoint:
     """One accepted cycle: ``cycle`` holds state, period, orbit samples, multipliers and their residuals.
 
-    ``residual_norms`` and ``update_norms``: history of the corrector; ``unlocated``: events that were
+    ``residual_norms`` and ``update_norms``: history of the corrector; ``step_error``: estimated error of the
+    multipliers by the time steps, NaN for an explicit stepper; ``unlocated``: events that were
     detected in the step to this point but could not be located even with the smallest step; ``unexplained``:
     the events of that smallest step, located or not, do not account for the change of its unstable count, so
     some are missing.
@@ -153,6 +156,7 @@ class BranchPoint:
     unstable: int
     residual_norms: tuple[float, ...]
     update_norms: tuple[float, ...]
+    step_error: float = math.nan
     unlocated: tuple[EventKind, ...] = ()
     unexplained: bool = False
 

@@ -174,10 +174,9 @@ def _predict_and_correct(
         guess = found.point.position
     if found is None or found.point is None or _bound_passed(guess, options) is not None:
         return _Rejected("the corrector leaves the ranges of the parameters")
-    needed = needed_steps_at(problem, found.point)
+    needed = needed_steps_at(problem, found.point, steps)
     if needed > steps:
-        samples = problem.period_map.samples
-        steps = samples * int(STEP_GROWTH * needed / samples + 1)
+        steps = problem.period_map.rounded_steps(STEP_GROWTH * needed)
         again = correct_critical(problem, guess, closing, found.point.basis, frame, steps, reference)
         if again.point is None:
             return _Rejected(again.stop.advice)

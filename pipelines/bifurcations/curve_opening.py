@@ -39,10 +39,10 @@ from pipelines.orbits.floquet import adapted_basis
 from pipelines.orbits.shooting import (
     correct,
     first_basis,
-    needed_steps,
     reference_of,
 )
 from pipelines.orbits.system import Matrix
+from pipelines.orbits.time_steps import demand_at, first_steps
 
 
 def open_curve(
@@ -56,9 +56,9 @@ def open_curve(
         Position(np.array(start.state, dtype=float), start.period, np.array(start.parameters, dtype=float))
     )
     unknowns, cycles = problem.unknowns(guess), problem.cycle_problem(guess)
-    steps = needed_steps(cycles, unknowns)
+    steps = first_steps(cycles, unknowns)
     opened = _open_with(problem, start, options, metric, guess, first_basis(cycles, unknowns, steps), steps)
-    if isinstance(opened, CurveEnd) and (needed := needed_steps_at(problem, opened)) > steps:
+    if isinstance(opened, CurveEnd) and (needed := needed_steps_at(problem, opened, steps)) > steps:
         opened = _open_with(
             problem, start, options, metric, opened.position, opened.point.cycle.basis, needed
         )
@@ -163,11 +163,13 @@ def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
     }
 
 
-def needed_steps_at(problem: CurveProblem, found: CriticalCycle | CurveEnd) -> int:
-    """Steps per period that the stiffness along the orbit of a corrected point asks for."""
-    image = found.linear.image if isinstance(found, CriticalCycle) else found.point.cycle.image
-    period_map, position = problem.period_map, found.position
-    if period_map.steps_per_period is not None:
-        return period_map.steps_for(0.0, position.period)
-    radius = period_map.spectral_radius(image.orbit, problem.parameters_at(position))
-    return period_map.steps_for(radius, position.period)
+def needed_steps_at(problem: CurveProblem, found: CriticalCycle | CurveEnd, steps: int) -> int:
+    """Steps per period that a point corrected with ``steps`` asks for."""
+    if isinstance(found, CriticalCycle):
+        basis, image = found.linear.basis, found.linear.image
+    else:
+        basis, image = found.point.cycle.basis, found.point.cycle.image
+    at, parameters = found.position, problem.parameters_at(found.position)
+    return demand_at(
+        problem.period_map, problem.options, at.state, parameters, at.period, steps, basis, image
+    ).steps

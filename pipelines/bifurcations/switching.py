@@ -28,10 +28,10 @@ from pipelines.orbits.shooting import (
     Unknowns,
     correct,
     first_basis,
-    needed_steps,
     reference_of,
 )
 from pipelines.orbits.system import Vector
+from pipelines.orbits.time_steps import first_steps
 
 
 def curve_from_event(
@@ -103,7 +103,7 @@ def doubled_branch(problem: CycleProblem, event: Event, amplitude: float) -> Dou
     row = vector / float(vector @ vector)
     constraint = Constraint(Unknowns(row, 0.0, 0.0), float(row @ event.state) + amplitude)
     at_flip = doubled.consistent(Unknowns(event.state, 2.0 * event.period, parameter))
-    steps = needed_steps(doubled, at_flip)
+    steps = first_steps(doubled, at_flip)
     reference: PhaseReference | None = reference_of(doubled, at_flip, steps)
     basis = first_basis(doubled, at_flip, steps)
     correction = correct(doubled, guess, constraint, basis, steps, reference)

@@ -72,11 +72,21 @@ class Numerics(Table):
     axial_scheme: Literal["chebyshev", "uniform"] = choice(
         "`chebyshev` collocation or the paper's `uniform` differences", "chebyshev"
     )
-    stepper: Literal["rk4", "butcher6", "dopri8"] = choice(
-        "explicit Runge-Kutta method of the period map: `rk4` the classical one, `butcher6`, `dopri8`", "rk4"
+    stepper: Literal["esdirk5", "rk4", "butcher6", "dopri8"] = choice(
+        "Runge-Kutta method of the period map: `esdirk5` implicit; explicit ones for comparison: `rk4` the "
+        "classical one, `butcher6`, `dopri8`",
+        "esdirk5",
+    )
+    multiplier_tolerance: float = quantity(
+        "error of the Floquet multipliers that the time steps of `esdirk5` may leave",
+        "1",
+        1e-6,
+        above=0,
+        at_most=1e-1,
+        because="steps are chosen by it",
     )
     steps_per_period: int | None = quantity(
-        "time steps per excitation period; default: from the measured spectral radius",
+        "time steps per excitation period; default: from multiplier_tolerance, or from stability if explicit",
         "",
         None,
         at_least=8,

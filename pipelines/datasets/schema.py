@@ -395,6 +395,11 @@ CYCLES = GroupSpec(
         _real("newton_history", "point iteration", "residual norm before each iteration", padded=True),
         _count("steps_per_period", "point", "time steps of one period"),
         _real(
+            "step_error",
+            "point",
+            "estimated error of the multipliers by the time steps (implicit stepper only)",
+        ),
+        _real(
             "basis",
             "slot component column",
             "orthonormal basis of the slow subspace at the newest point",

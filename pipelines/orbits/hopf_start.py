@@ -24,9 +24,9 @@ from pipelines.orbits.shooting import (
     Unknowns,
     correct,
     first_basis,
-    needed_steps,
 )
 from pipelines.orbits.system import Vector
+from pipelines.orbits.time_steps import first_steps
 
 
 def start_at_hopf(
@@ -55,7 +55,7 @@ def start_at_hopf(
     guess = Unknowns(equilibrium + amplitude * direction.real, 2.0 * math.pi / frequency, parameter)
     row = direction.real / float(direction.real @ direction.real)
     constraint = Constraint(Unknowns(row, 0.0, 0.0), float(row @ equilibrium) + amplitude)
-    steps = needed_steps(problem, guess)
+    steps = first_steps(problem, guess)
     reference = _linear_reference(direction, amplitude, equilibrium, period_map.samples)
     return correct(problem, guess, constraint, first_basis(problem, guess, steps), steps, reference)
 

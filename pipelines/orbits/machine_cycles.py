@@ -13,8 +13,9 @@ from pipelines.case.models import PARAMETERS
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS, machine_rates, machine_tangent
+from pipelines.machine.shifted import factors_size, machine_factorise, machine_solve
 
-from .system import DynamicalSystem
+from .system import DynamicalSystem, ShiftedSolver
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,7 @@ def machine_system(machine: Machine, forced: bool = True) -> DynamicalSystem:
     """The machine for the period map; ``forced=False`` leaves the period unknown (rings at rest, self-excited
     whirl).
     """
+    grids = [(bearing.settings.nodes, bearing.settings.axial) for bearing in machine.bearings]
     return DynamicalSystem(
         size=machine.size,
         rates=machine_rates,
@@ -32,6 +34,7 @@ def machine_system(machine: Machine, forced: bool = True) -> DynamicalSystem:
         constants=machine.constants,
         layout=machine.layout,
         work_size=machine.work_size,
+        shifted=ShiftedSolver(machine_factorise, machine_solve, factors_size(machine.rotor_freedoms, grids)),
     )
 
 

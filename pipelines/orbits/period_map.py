@@ -11,9 +11,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pipelines.machine.lines import LINE
+from pipelines.orbits.implicit import propagate_implicit, workspace_sizes
 from pipelines.orbits.propagation import propagate, workspace_size
-from pipelines.orbits.steppers import RK4, Stepper
+from pipelines.orbits.steppers import RK4, ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector
 
 _BLOCK_COLUMNS = 64  # columns per pass of a wide block: bounds the scratch memory
@@ -73,6 +76,21 @@ class PeriodImage:
 
 
 @dataclass(frozen=True)
+class _Run:
+    """What a loop advances in place, and what it reads of the columns; shapes as in
+    ``propagation.propagate``.
+    """
+
+    state: Vector
+    block: Matrix
+    orbit: Matrix
+    functional: Vector
+    gradient: Matrix
+    column_parameter: NDArray[np.int64]
+    column_period: Vector
+
+
+@dataclass(frozen=True)
 class PeriodMap:
     """One period of a system with one stepper.
 
@@ -83,7 +101,7 @@ class PeriodMap:
     """
 
     system: DynamicalSystem
-    stepper: Stepper = RK4
+    stepper: Stepper | ImplicitStepper = RK4
     formulation: Formulation = Formulation.STROBOSCOPIC
     turns: int = 1
     samples: int = 64
@@ -93,6 +111,11 @@ class PeriodMap:
     def __post_init__(self) -> None:
         if self.formulation is Formulation.STROBOSCOPIC and self.system.forcing is None:
             raise ValueError("a stroboscopic map needs a forcing frequency; use the autonomous formulation")
+        if isinstance(self.stepper, ImplicitStepper) and self.system.shifted is None:
+            raise ValueError(
+                f"stepper {self.stepper.name!r} needs a system that solves its shifted equations; "
+                "use an explicit one"
+            )
         for name in ("turns", "samples", "minimum_steps", "steps_per_period"):
             value = getattr(self, name)
             if value is not None and value < 1:
@@ -144,11 +167,9 @@ class PeriodMap:
     ) -> PeriodImage:
         """phi(state), M @ columns, the inhomogeneous columns and the phase condition in one pass.
 
-        ``steps`` must be a multiple of ``samples`` (``steps_for`` returns such numbers); ValueError
-        otherwise.
+        With an explicit stepper ``steps`` must be a multiple of ``samples`` (``steps_for`` returns such
+        numbers); ValueError otherwise.
         """
-        if steps % self.samples:
-            raise ValueError(f"steps is {steps}; it must be a multiple of the {self.samples} samples")
         size, given = self.size, 0 if columns is None else columns.shape[1]
         width = given + len(inhomogeneous)
         block = np.zeros((size, width))
@@ -160,30 +181,68 @@ class PeriodMap:
             column_parameter[given + j] = term.parameter
             column_period[given + j] = term.period_rate
 
-        final = np.array(state, dtype=float)
-        orbit = np.empty((self.samples, size))
-        gradient = np.zeros((0, size)) if reference is None else reference.gradient
-        functional = np.zeros(1 + width)
-        system, stepper = self.system, self.stepper
-        loop = propagate if system.compiled else propagate.py_func
+        run = _Run(
+            np.array(state, dtype=float), block, np.empty((self.samples, size)), np.zeros(1 + width),
+            np.zeros((0, size)) if reference is None else reference.gradient, column_parameter, column_period,
+        )  # fmt: skip
+        advance = self._implicit if isinstance(self.stepper, ImplicitStepper) else self._explicit
         with np.errstate(all="ignore"):
-            failed = loop(
-                system.rates, system.tangent, stepper.a, stepper.b, stepper.c,
-                steps, 2.0 * math.pi * self.turns, period, system.forcing if self.extended else -1,
-                np.array(parameters, dtype=float), system.constants, system.layout,
-                np.zeros(system.work_size), final, block, column_parameter, column_period, orbit, gradient,
-                functional, np.zeros(workspace_size(size, width, stepper.stages, len(parameters))),
-            )  # fmt: skip
+            failed = advance(run, np.array(parameters, dtype=float), period, steps)
+        block = run.block
         return PeriodImage(
-            state=final,
+            state=run.state,
             columns=np.ascontiguousarray(block[:, :given]),
             inhomogeneous=np.ascontiguousarray(block[:, given:]),
-            orbit=orbit,
-            phase=float(functional[0]) - (0.0 if reference is None else reference.offset),
-            phase_columns=functional[1 : 1 + given].copy(),
-            phase_inhomogeneous=functional[1 + given :].copy(),
-            finite=failed < 0 and bool(np.all(np.isfinite(block))),
+            orbit=run.orbit,
+            phase=float(run.functional[0]) - (0.0 if reference is None else reference.offset),
+            phase_columns=run.functional[1 : 1 + given].copy(),
+            phase_inhomogeneous=run.functional[1 + given :].copy(),
+            finite=failed < 0 and bool(np.all(np.isfinite(block)) and np.all(np.isfinite(run.state))),
         )
+
+    def _explicit(self, run: _Run, parameters: Vector, period: float, steps: int) -> int:
+        """Advance a run in place; -1, or the step that failed."""
+        if steps % self.samples:
+            raise ValueError(f"steps is {steps}; it must be a multiple of the {self.samples} samples")
+        system, stepper = self.system, self.stepper
+        assert isinstance(stepper, Stepper)
+        size, columns = run.block.shape
+        space = np.zeros(workspace_size(size, columns, stepper.stages, len(parameters)))
+        loop = propagate if system.compiled else propagate.py_func
+        return int(loop(
+            system.rates, system.tangent, stepper.a, stepper.b, stepper.c,
+            steps, 2.0 * math.pi * self.turns, period, system.forcing if self.extended else -1,
+            parameters, system.constants, system.layout, np.zeros(system.work_size), run.state, run.block,
+            run.column_parameter, run.column_period, run.orbit, run.gradient, run.functional, space,
+        ))  # fmt: skip
+
+    def _implicit(self, run: _Run, parameters: Vector, period: float, steps: int) -> int:
+        """The same with a diagonally implicit stepper, which wants the columns in chunks of LINE."""
+        system, stepper = self.system, self.stepper
+        assert isinstance(stepper, ImplicitStepper)
+        assert system.shifted is not None
+        size, width = run.block.shape
+        chunks = -(-width // LINE)
+        padded = np.zeros((size, chunks * LINE))
+        padded[:, :width] = run.block
+        lines = np.ascontiguousarray(padded.reshape(size, chunks, LINE).swapaxes(0, 1)).reshape(
+            chunks, size * LINE
+        )
+        functional = np.zeros(1 + chunks * LINE)
+        failed = propagate_implicit(
+            system.rates, system.tangent, system.shifted.factorise, system.shifted.solve,
+            stepper.a, stepper.c, stepper.predictor,
+            steps, 2.0 * math.pi * self.turns, period, system.forcing if self.extended else -1,
+            parameters, system.constants, system.layout, np.zeros(system.work_size),
+            np.zeros(system.shifted.factors_size), run.state, lines,
+            run.column_parameter, run.column_period, run.orbit, run.gradient, functional,
+            *map(np.zeros, workspace_sizes(size, chunks, stepper.stages)),
+        )  # fmt: skip
+        run.block[:] = (
+            lines.reshape(chunks, size, LINE).swapaxes(0, 1).reshape(size, chunks * LINE)[:, :width]
+        )
+        run.functional[:] = functional[: 1 + width]
+        return int(failed)
 
     def monodromy_columns(
         self, state: Vector, parameters: Vector, period: float, steps: int, columns: Matrix
@@ -238,11 +297,18 @@ class PeriodMap:
         return radius
 
     def steps_for(self, spectral_radius: float, period: float) -> int:
-        """Steps per period that keep radius T / steps inside the real stability interval; a multiple of the
-        samples.
+        """Steps per period that keep radius T / steps inside the real stability interval of an explicit
+        stepper; a multiple of the samples.
         """
         steps = self.steps_per_period
         if steps is None:
+            assert isinstance(self.stepper, Stepper)
             stable = _RADIUS_MARGIN * spectral_radius * period / self.stepper.real_stability_interval
             steps = max(self.minimum_steps * self.turns, math.ceil(stable))
+        return self.rounded_steps(steps)
+
+    def rounded_steps(self, steps: float) -> int:
+        """At least that many steps, which an explicit stepper can take."""
+        if isinstance(self.stepper, ImplicitStepper):
+            return math.ceil(steps)
         return self.samples * math.ceil(steps / self.samples)

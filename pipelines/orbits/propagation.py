@@ -30,14 +30,14 @@ _MATRIX = types.float64[:, ::1]
 _INTEGERS = types.int64[::1]
 
 # Balance truncation h^2 against rounding eps/h in a central difference.
-_PARAMETER_DIFFERENCE = 6e-6
+PARAMETER_DIFFERENCE = 6e-6
 # The same for the five-point formula, h^4 against eps/h, which the phase derivative uses.
-_PHASE_DIFFERENCE = 1e-3
+PHASE_DIFFERENCE = 1e-3
 _CHUNK = 1024  # values; keeps the running sum of a stage in the first-level cache
 
 
 @njit(types.void(_VECTOR, _VECTOR, _FLOAT, _VECTOR, _INT, _MATRIX), cache=True)
-def _combine(out, base, factor, weights, count, slopes):  # type: ignore[no-untyped-def]
+def combine(out, base, factor, weights, count, slopes):  # type: ignore[no-untyped-def]
     """out = base + factor sum_{j < count} weights_j slopes_j."""
     for first in range(0, out.shape[0], _CHUNK):
         last = min(first + _CHUNK, out.shape[0])
@@ -54,7 +54,7 @@ def _combine(out, base, factor, weights, count, slopes):  # type: ignore[no-unty
 
 
 @njit(types.void(_VECTOR, _FLOAT, _VECTOR), cache=True)
-def _oscillator_rates(state, frequency, out):  # type: ignore[no-untyped-def]
+def oscillator_rates(state, frequency, out):  # type: ignore[no-untyped-def]
     """Eq. 17 in the last two entries."""
     n = state.shape[0] - 2
     s1, s2 = state[n], state[n + 1]
@@ -64,7 +64,7 @@ def _oscillator_rates(state, frequency, out):  # type: ignore[no-untyped-def]
 
 
 @njit(types.void(_VECTOR, _MATRIX, _FLOAT, _VECTOR, _MATRIX), cache=True)
-def _oscillator_tangent(state, block, frequency, phase_slope, out):  # type: ignore[no-untyped-def]
+def oscillator_tangent(state, block, frequency, phase_slope, out):  # type: ignore[no-untyped-def]
     """Add df/dphase dphase to the rows of the machine and write the two rows of Eq. 17."""
     n = state.shape[0] - 2
     s1, s2 = state[n], state[n + 1]
@@ -159,16 +159,16 @@ def propagate(  # type: ignore[no-untyped-def]
             if gradient.shape[0] > 0:
                 _accumulate_phase(state, block, gradient[k], 1.0 / gradient.shape[0], functional)
         for i in range(stages):
-            _combine(stage, state, h, a[i], i, slopes)
+            combine(stage, state, h, a[i], i, slopes)
             slope = slopes[i]
             phase = turn * (step + c[i]) / steps
             if oscillator >= 0:
                 phase = np.arctan2(stage[base], stage[base + 1])
-                _oscillator_rates(stage, parameters[oscillator], slope)
+                oscillator_rates(stage, parameters[oscillator], slope)
             rates(phase, stage[:base], parameters, constants, layout, work, slope[:base])
             if m == 0:
                 continue
-            _combine(block_stage.reshape(n * m), block.reshape(n * m), h, a[i], i, block_slopes)
+            combine(block_stage.reshape(n * m), block.reshape(n * m), h, a[i], i, block_slopes)
             block_slope = block_slopes[i].reshape((n, m))
             tangent(
                 phase,
@@ -184,7 +184,7 @@ def propagate(  # type: ignore[no-untyped-def]
                 phase_slope[:base] = 0.0
                 for shift, weight in ((1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)):
                     rates(
-                        phase + shift * _PHASE_DIFFERENCE,
+                        phase + shift * PHASE_DIFFERENCE,
                         stage[:base],
                         parameters,
                         constants,
@@ -193,25 +193,25 @@ def propagate(  # type: ignore[no-untyped-def]
                         upper[:base],
                     )
                     for row in range(base):
-                        phase_slope[row] += weight * upper[row] / (12.0 * _PHASE_DIFFERENCE)
-                _oscillator_tangent(stage, block_stage, parameters[oscillator], phase_slope, block_slope)
+                        phase_slope[row] += weight * upper[row] / (12.0 * PHASE_DIFFERENCE)
+                oscillator_tangent(stage, block_stage, parameters[oscillator], phase_slope, block_slope)
             for j in range(m):
                 p = column_parameter[j]
                 if p >= 0:
-                    delta = _PARAMETER_DIFFERENCE * max(1.0, abs(parameters[p]))
+                    delta = PARAMETER_DIFFERENCE * max(1.0, abs(parameters[p]))
                     shifted[p] = parameters[p] + delta
                     rates(phase, stage[:base], shifted, constants, layout, work, upper[:base])
                     shifted[p] = parameters[p] - delta
                     rates(phase, stage[:base], shifted, constants, layout, work, lower[:base])
                     if oscillator >= 0:
-                        _oscillator_rates(stage, parameters[oscillator] + delta * (p == oscillator), upper)
-                        _oscillator_rates(stage, parameters[oscillator] - delta * (p == oscillator), lower)
+                        oscillator_rates(stage, parameters[oscillator] + delta * (p == oscillator), upper)
+                        oscillator_rates(stage, parameters[oscillator] - delta * (p == oscillator), lower)
                     shifted[p] = parameters[p]
                     _add_to_column(block_slope, j, 0.5 / delta, upper)
                     _add_to_column(block_slope, j, -0.5 / delta, lower)
                 if column_period[j] != 0.0:
                     _add_to_column(block_slope, j, column_period[j] / period, slope)
-        _combine(state, state, h, b, stages, slopes)
+        combine(state, state, h, b, stages, slopes)
         if m > 0:
-            _combine(block.reshape(n * m), block.reshape(n * m), h, b, stages, block_slopes)
+            combine(block.reshape(n * m), block.reshape(n * m), h, b, stages, block_slopes)
     return -1 if _all_finite(state) else steps

@@ -63,8 +63,9 @@ class ShootingOptions:
     ``tolerance``: largest entry of phi(s) - s, relative to max(1, largest entry of s); ``iterations``: of
     Newton; ``picard_tolerance``: relative size of the last Picard update; ``picard_sweeps``: their cap;
     ``multiplier_tolerance``: residual asked of every multiplier above ``checked_modulus``, reached by at most
-    ``multiplier_sweeps`` further subspace iterations (the residual reached is reported); ``basis``: size of
-    the slow subspace.
+    ``multiplier_sweeps`` further subspace iterations (the residual reached is reported);
+    ``step_tolerance``: error of those multipliers that the time steps may leave; ``basis``: size of the
+    slow subspace.
     """
 
     tolerance: float = 1e-10
@@ -74,10 +75,18 @@ class ShootingOptions:
     multiplier_tolerance: float = 1e-9
     checked_modulus: float = 0.1
     multiplier_sweeps: int = 6
+    step_tolerance: float = 1e-6
     basis: BasisOptions = field(default_factory=BasisOptions)
 
     def __post_init__(self) -> None:
-        for name in ("tolerance", "picard_tolerance", "multiplier_tolerance", "checked_modulus"):
+        positive = (
+            "tolerance",
+            "picard_tolerance",
+            "multiplier_tolerance",
+            "checked_modulus",
+            "step_tolerance",
+        )
+        for name in positive:
             if not 0.0 < getattr(self, name) < 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must lie between 0 and 1")
         if self.iterations < 1 or self.picard_sweeps < 1 or self.multiplier_sweeps < 0:
@@ -179,7 +188,8 @@ class Cycle:
     """A corrected periodic orbit.
 
     ``parameters`` (p,), ``basis`` (N, k) and the ``image`` of the last pass (orbit, M V, phi_l, ...),
-    ``spectrum`` of multipliers, ``residual`` as in ShootingOptions.tolerance, ``steps`` per period.
+    ``spectrum`` of multipliers, ``residual`` as in ShootingOptions.tolerance, ``steps`` per period; ``linear``:
+    the last linearisation on the way, None if the guess was the cycle.
     """
 
     unknowns: Unknowns
@@ -189,6 +199,7 @@ class Cycle:
     spectrum: FloquetSpectrum
     residual: float
     steps: int
+    linear: Linearisation | None = None
 
 
 @dataclass(frozen=True)
@@ -223,26 +234,30 @@ def correct(
     unknowns, options = problem.consistent(guess), problem.options
     residuals: list[float] = []
     updates: list[float] = []
-    for iteration in range(options.iterations + 1):
+
+    def ended(stop: NewtonStop, cycle: Cycle | None = None) -> Correction:
+        return Correction(stop, cycle, tuple(residuals), tuple(updates))
+
+    linear: Linearisation | None = None
+    while True:
         image = _evaluate(problem, unknowns, basis, steps, reference)
         if not image.finite:
-            return Correction(NewtonStop.NON_FINITE, None, tuple(residuals), tuple(updates))
+            return ended(NewtonStop.NON_FINITE)
         residuals.append(_residual_norm(unknowns, image, constraint))
         if residuals[-1] <= options.tolerance:
             cycle = _settled(problem, unknowns, basis, image, steps, reference, residuals[-1])
-            return Correction(NewtonStop.CONVERGED, cycle, tuple(residuals), tuple(updates))
+            return ended(NewtonStop.CONVERGED, replace(cycle, linear=linear))
         if residuals[-1] > _DIVERGENCE * min(residuals):
-            return Correction(NewtonStop.DIVERGED, None, tuple(residuals), tuple(updates))
-        if iteration == options.iterations:
-            break
+            return ended(NewtonStop.DIVERGED)
+        if len(updates) == options.iterations:
+            return ended(NewtonStop.ITERATIONS)
         linear = _linearise(problem, unknowns, basis, image, steps, reference)
         update = _solve_bordered(problem, linear, constraint.row, constraint.gap(unknowns), image.phase)
         if update is None:
-            return Correction(NewtonStop.SINGULAR, None, tuple(residuals), tuple(updates))
+            return ended(NewtonStop.SINGULAR)
         unknowns = problem.consistent(unknowns.plus(update))
         updates.append(float(np.max(np.abs(update.state))) + abs(update.period) + abs(update.parameter))
         basis = _next_basis(image.columns)
-    return Correction(NewtonStop.ITERATIONS, None, tuple(residuals), tuple(updates))
 
 
 def tangent_at(
@@ -250,17 +265,44 @@ def tangent_at(
 ) -> Unknowns | None:
     """The direction (ds, dT, dl) of the branch with row . direction = 1; None when that is singular.
 
-    It solves the bordered system of the corrector with r = 0 and gap = -1.
+    It solves the bordered system of the corrector with r = 0 and gap = -1.  The Picard part is that of the
+    corrector's last iteration where it still holds.
     """
-    unknowns = cycle.unknowns
+    unknowns, basis = cycle.unknowns, cycle.basis
     exact = replace(cycle.image, state=unknowns.state)
-    linear = _linearise(problem, unknowns, cycle.basis, exact, cycle.steps, reference)
+    linear = None if cycle.linear is None else _carried_over(cycle.linear, basis, exact)
+    if linear is None or not _is_swept(linear, problem.options.picard_tolerance):
+        linear = _linearise(problem, unknowns, basis, exact, cycle.steps, reference)
     direction = _solve_bordered(problem, linear, row, -1.0, 0.0)
     if direction is None or problem.period_map.autonomous:
         return direction
     parameters = problem.parameters_at(unknowns.parameter)
     slope = problem.period_map.parameter_column(problem.index, parameters).period_rate
     return replace(direction, period=slope * direction.parameter)
+
+
+def _carried_over(last: Linearisation, basis: Matrix, image: PeriodImage) -> Linearisation:
+    """A linearisation with r = 0 and the Picard part of an earlier one with another basis W: of the vectors
+    x = q + W W'x the image M x = M q + M W (W'x) is known, and so is that of their part outside V.
+    """
+    known = last.basis.T @ last.sources
+    whole, whole_image = last.swept + last.basis @ known, last.swept_image + last.image.columns @ known
+    whole_phase = last.swept_phase + last.image.phase_columns @ known
+    inside = basis.T @ whole
+    swept, swept_image = whole - basis @ inside, whole_image - image.columns @ inside
+    swept_phase = whole_phase - image.phase_columns @ inside
+    for part in (swept, swept_image, swept_phase[None, :]):
+        part[:, 0] = 0.0
+    sources = np.column_stack([np.zeros(len(basis)), image.inhomogeneous])
+    return Linearisation(image, basis, sources[:, 0], sources, swept, swept_image, swept_phase)
+
+
+def _is_swept(linear: Linearisation, tolerance: float) -> bool:
+    """Whether another Picard sweep would change little."""
+    following = linear.swept_image + linear.sources
+    following = following - linear.basis @ (linear.basis.T @ following)
+    change = np.linalg.norm(following - linear.swept, axis=0)
+    return bool(np.all(change <= tolerance * np.linalg.norm(linear.sources, axis=0)))
 
 
 def first_basis(problem: CycleProblem, guess: Unknowns, steps: int) -> Matrix:
@@ -275,20 +317,6 @@ def first_basis(problem: CycleProblem, guess: Unknowns, steps: int) -> Matrix:
 def following_basis(problem: CycleProblem, cycle: Cycle) -> Matrix:
     """The slow basis with which to look for the neighbours of a cycle."""
     return adapted_basis(cycle.basis, cycle.image.columns, problem.options.basis)
-
-
-def needed_steps(problem: CycleProblem, cycle_or_guess: Cycle | Unknowns) -> int:
-    """Steps per period that the stiffness along the orbit asks for."""
-    period_map = problem.period_map
-    if isinstance(cycle_or_guess, Cycle):
-        unknowns, orbit = cycle_or_guess.unknowns, cycle_or_guess.image.orbit
-    else:
-        unknowns = problem.consistent(cycle_or_guess)
-        orbit = np.tile(unknowns.state, (period_map.samples, 1))
-    if period_map.steps_per_period is not None:
-        return period_map.steps_for(0.0, unknowns.period)
-    radius = period_map.spectral_radius(orbit, problem.parameters_at(unknowns.parameter))
-    return period_map.steps_for(radius, unknowns.period)
 
 
 def reference_of(problem: CycleProblem, unknowns: Unknowns, steps: int) -> PhaseReference | None:

@@ -14,16 +14,28 @@ Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class ShiftedSolver:
+    """Solves (I - shift J) x = b: compiled functions of the types FACTORISE and SOLVE of
+    ``pipelines.machine.kernels``, and the number of doubles that the factors take.
+    """
+
+    factorise: Callable[..., None]
+    solve: Callable[..., None]
+    factors_size: int
+
+
+@dataclass(frozen=True)
 class DynamicalSystem:
     """ds/dtau = f(phase, s, parameters), with phase = 2 pi tau / T for a forced system.
 
     ``rates`` and ``tangent`` follow the signatures RATES and TANGENT of ``pipelines.machine.kernels``:
     compiled functions of exactly these types (``compiled=True``) or Python callables with the same arguments.
     ``forcing`` is the index of the parameter which is the angular frequency of the forcing, so that the
-    period is 2 pi / parameters[forcing]; ``None`` marks an autonomous system.
+    period is 2 pi / parameters[forcing]; ``None`` marks an autonomous system.  ``shifted``, with which
+    implicit steppers work, is for compiled systems only.
 
-    Raises ValueError when the size is not positive, a parameter name is repeated or ``forcing`` is out of
-    range.
+    Raises ValueError when the size is not positive, a parameter name is repeated, ``forcing`` is out of
+    range or ``shifted`` is given for Python callables.
     """
 
     size: int
@@ -35,12 +47,15 @@ class DynamicalSystem:
     layout: NDArray[np.int64] = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
     work_size: int = 1
     compiled: bool = True
+    shifted: ShiftedSolver | None = None
 
     def __post_init__(self) -> None:
         if self.size < 1:
             raise ValueError(f"size is {self.size}; a dynamical system has at least one state")
         if len(set(self.parameter_names)) != len(self.parameter_names):
             raise ValueError(f"parameter_names {self.parameter_names} repeat a name")
+        if self.shifted is not None and not self.compiled:
+            raise ValueError("implicit steppers are compiled: shifted equations need a compiled system")
         if self.forcing is not None and not 0 <= self.forcing < len(self.parameter_names):
             raise ValueError(f"forcing is {self.forcing}; it must index one of {self.parameter_names}")
 

@@ -19,7 +19,9 @@ from pipelines.orbits.steppers import steppers
 Array = NDArray[np.float64]
 
 ORBIT_SAMPLES = 64
-INITIAL_COLUMNS = 24
+INITIAL_COLUMNS = 23  # and the parameter column: three lines of eight
+BUFFER_COLUMNS = 7
+PICARD_TOLERANCE = 1e-2  # of a predictor and a Newton update; a pass with two columns is nearly a whole one
 
 
 def cycle_problem(machine: Machine, case: Case) -> CycleProblem:
@@ -37,11 +39,16 @@ def cycle_problem(machine: Machine, case: Case) -> CycleProblem:
     )
     basis = BasisOptions(
         multiplier_cut=numerics.multiplier_cut,
+        buffer=BUFFER_COLUMNS,
         initial_columns=min(INITIAL_COLUMNS, numerics.max_columns),
         maximum_columns=numerics.max_columns,
     )
     options = ShootingOptions(
-        tolerance=numerics.newton_tolerance, iterations=numerics.newton_iterations, basis=basis
+        tolerance=numerics.newton_tolerance,
+        iterations=numerics.newton_iterations,
+        picard_tolerance=PICARD_TOLERANCE,
+        step_tolerance=numerics.multiplier_tolerance,
+        basis=basis,
     )
     return CycleProblem(period_map, parameters, table.parameter, options)
 

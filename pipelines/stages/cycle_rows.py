@@ -129,6 +129,7 @@ def point_row(point: BranchPoint, state: BranchState, shape: CycleShape) -> dict
         "newton_iterations": point.iterations,
         "newton_history": np.array(point.residual_norms),
         "steps_per_period": state.steps,
+        "step_error": state.step_error,
     }
 
 
@@ -187,6 +188,7 @@ def resumed_state(newest: Resume, first: Mapping[str, Array], parameter: str) ->
             "step": row["step"],
             "arclength": row["arclength"],
             "steps": row["steps_per_period"],
+            "step_error": row["step_error"],
             "basis": newest.slots["basis"][:, :columns],
             "multipliers": row["multipliers"][:count],
             "start_state": first["state"][0],

@@ -25,6 +25,7 @@ from pipelines.orbits.equilibrium import Equilibrium, machine_equilibrium
 from pipelines.orbits.hopf_start import start_at_hopf
 from pipelines.orbits.linear import Instability, at_speed, linear_point
 from pipelines.orbits.shooting import CycleProblem
+from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.stages.cycle_problem import is_self_excited
 from pipelines.stages.linearize import hopf_between, leading_growth
 
@@ -89,7 +90,7 @@ def _forced_start(problem: CycleProblem, state: Array) -> BranchStart:
 def _too_stiff(problem: CycleProblem, start: BranchStart) -> NoStart | None:
     """Whether an explicit stepper would be busy for hours with one point, unless the user asked for it."""
     period_map = problem.period_map
-    if period_map.steps_per_period is not None:
+    if period_map.steps_per_period is not None or isinstance(period_map.stepper, ImplicitStepper):
         return None
     resting = np.tile(start.state, (period_map.samples, 1))
     radius = period_map.spectral_radius(resting, problem.parameters)
@@ -99,7 +100,8 @@ def _too_stiff(problem: CycleProblem, start: BranchStart) -> NoStart | None:
     return NoStart(
         f"the machine is too stiff: stability needs {steps} steps per period (fastest rate {radius:.3g})",
         "a foil relaxes at the rate 1/loss_factor, a film at one that grows like the fourth power of "
-        "numerics.axial: raise the one or lower the other; numerics.steps_per_period insists on a number",
+        "numerics.axial: raise the one, lower the other, or use the implicit numerics.stepper; "
+        "numerics.steps_per_period insists on a number",
     )
 
 

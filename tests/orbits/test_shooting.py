@@ -21,19 +21,19 @@ from pipelines.orbits.shooting import (
     correct,
     first_basis,
     following_basis,
-    needed_steps,
     reference_of,
     tangent_at,
 )
 from pipelines.orbits.steppers import DOPRI8, RK4
 from pipelines.orbits.system import ode_system
+from pipelines.orbits.time_steps import first_steps
 from tests.orbits.cluster_system import cluster_system
 from tests.systems import closed_form_hopf_multipliers, duffing, hopf_pair, tondl
 
 
 def solve(problem: CycleProblem, state: np.ndarray, value: float, period: float = 0.0) -> Correction:
     guess = problem.consistent(Unknowns(state, period, value))
-    steps = needed_steps(problem, guess)
+    steps = first_steps(problem, guess)
     reference = reference_of(problem, guess, steps)
     basis = first_basis(problem, guess, steps)
     return correct(problem, guess, problem.fixed_parameter(value), basis, steps, reference)
@@ -99,7 +99,9 @@ def test_both_formulations_agree(eta: float, c1: float) -> None:
 
 def cluster_problem(columns: int) -> CycleProblem:
     options = ShootingOptions(
-        tolerance=1e-11, basis=BasisOptions(initial_columns=columns, maximum_columns=max(columns, 64))
+        tolerance=1e-11,
+        picard_tolerance=1e-4,
+        basis=BasisOptions(initial_columns=columns, maximum_columns=max(columns, 64)),
     )
     return CycleProblem(
         PeriodMap(cluster_system(), RK4, minimum_steps=64, samples=32),

@@ -73,7 +73,8 @@ def test_every_row_is_a_cycle_with_its_multipliers(undisturbed: Path) -> None:
         assert int(rows["unstable_count"][index]) == np.sum(np.abs(full) > 1.0)
         history = rows["newton_history"][index]
         history = history[np.isfinite(history)]
-        assert len(history) == int(rows["newton_iterations"][index]) + 1
+        # one residual more than iterations, and another one where the steps were refined
+        assert len(history) - int(rows["newton_iterations"][index]) in (1, 2)
         assert history[-1] <= case.case.numerics.newton_tolerance
 
 
@@ -87,7 +88,7 @@ def test_the_located_point_separates_stable_from_unstable_rows(undisturbed: Path
     assert arrays["unstable_count"].tolist() == [0] * (after + 1) + [2] * (4 - after)
     assert arrays["event_residual"][0] < 1e-8 * abs(arrays["event_transversality"][0])
     critical = arrays["event_multipliers"][0]
-    critical = critical[np.argmin(np.abs(np.abs(critical) - 1.0))]
+    critical = critical[np.nanargmin(np.abs(np.abs(critical) - 1.0))]
     assert abs(np.angle(critical)) == pytest.approx(arrays["event_angle"][0], abs=1e-9)
 
 

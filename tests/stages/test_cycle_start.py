@@ -42,9 +42,17 @@ def hopf_speed(case: Case) -> float:
 @pytest.mark.parametrize(
     ("overrides", "kind"),
     [
-        (["bearings.foil.loss_factor=1e-6"], NoStart),
+        (["bearings.foil.loss_factor=2e-6", 'numerics.stepper="rk4"'], NoStart),
         # who asks for a number of steps gets them, however many or few
-        (["bearings.foil.loss_factor=1e-6", "numerics.steps_per_period=5000000"], FirstCycle),
+        (
+            [
+                "bearings.foil.loss_factor=2e-6",
+                'numerics.stepper="rk4"',
+                "numerics.steps_per_period=5000000",
+            ],
+            FirstCycle,
+        ),
+        (["bearings.foil.loss_factor=2e-6"], FirstCycle),
         ([], FirstCycle),
     ],
 )
@@ -56,7 +64,7 @@ def test_a_machine_too_stiff_for_explicit_steps_is_refused(overrides: list[str],
     if isinstance(found, NoStart):
         # the fastest rate is that of the foil alone, 1/loss_factor, give or take the film's share
         rate = float(found.reason.split("fastest rate ")[1].rstrip(")"))
-        assert rate == pytest.approx(1e6, rel=0.5)
+        assert rate == pytest.approx(5e5, rel=0.5)
         assert "loss_factor" in found.advice
 
 
@@ -69,7 +77,7 @@ def test_forced_cycles_have_a_second_way_in() -> None:
 
 
 def test_what_cannot_rest_is_not_ramped_either() -> None:
-    (stiff,) = started(tiny_case("bearings.foil.loss_factor=1e-6").case)
+    (stiff,) = started(tiny_case("bearings.foil.loss_factor=2e-6", 'numerics.stepper="rk4"').case)
     assert isinstance(stiff, NoStart)
     (heavy,) = started(tiny_case("rotor.gravity=900.0").case)
     assert isinstance(heavy, NoStart)
@@ -97,7 +105,7 @@ def test_whirl_that_begins_outside_the_range_is_no_start() -> None:
 
 
 def test_whirl_is_carried_to_the_speed_at_which_another_parameter_is_continued() -> None:
-    (found,) = started(passive_case(*STIFFNESS, "operation.speed=1.105"))
+    (found,) = started(passive_case(*STIFFNESS, "operation.speed=1.085"))
     assert isinstance(found, FirstCycle)
     assert found.start.parameter == 10.0  # of the foil stiffness
 
@@ -105,7 +113,8 @@ def test_whirl_is_carried_to_the_speed_at_which_another_parameter_is_continued()
 @pytest.mark.parametrize("speed", [1.14, 0.92])
 def test_a_speed_without_whirl_is_no_start(speed: float) -> None:
     # above the Hopf point there is none; far below it the branch has turned back before
-    (found,) = started(passive_case(*STIFFNESS, f"operation.speed={speed}"))
+    steps = "numerics.steps_per_period=64"  # far below the Hopf point no number of steps is enough
+    (found,) = started(passive_case(*STIFFNESS, steps, f"operation.speed={speed}"))
     assert isinstance(found, NoStart)
     assert f"{speed:g}" in found.reason
     assert "operation.speed" in found.advice
