@@ -8,16 +8,29 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tests.benchmarks.cycles import full_monodromy, growth, tangent_batch
+from tests.benchmarks.arithmetic import solve_arithmetic
+from tests.benchmarks.brusselator import brusselator
+from tests.benchmarks.cold_start import cold_start
+from tests.benchmarks.curves import curve_point
+from tests.benchmarks.cycles import branch_point, full_monodromy, growth, tangent_batch
 from tests.benchmarks.instability import backward_error
 from tests.benchmarks.measuring import Measurement, markdown_table, write_json
+from tests.benchmarks.memory import peak_memory
 from tests.benchmarks.settings import FULL, QUICK, Settings
+from tests.benchmarks.steppers import stepper_ratios
 
 ENTRIES: dict[str, Callable[[Settings], list[Measurement]]] = {
     "tangent_batch_ratio": tangent_batch,
+    "stepper_ratio": stepper_ratios,
+    "branch_point_ratio": branch_point,
     "full_monodromy_ratio": full_monodromy,
     "backward_error_ratio": backward_error,
     "growth_exponent": growth,
+    "curve_point_ratio": curve_point,
+    "peak_memory": peak_memory,
+    "arithmetic": solve_arithmetic,
+    "brusselator": brusselator,
+    "cold_start": cold_start,
 }
 
 

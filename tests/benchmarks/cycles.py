@@ -5,9 +5,8 @@ All on the reconstructed machine with its rings moving.
 
 from __future__ import annotations
 
-import statistics
 import time
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +17,20 @@ from pipelines.bifurcations.detection import DetectionOptions, Event
 from pipelines.case.models import Case
 from pipelines.machine.assembly import build_machine
 from pipelines.orbits.floquet import deterministic_block
-from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, PhaseReference
+from pipelines.orbits.period_map import PeriodImage, PeriodMap
 from pipelines.orbits.shooting import (
+    Cycle,
     CycleProblem,
     Unknowns,
     correct,
     first_basis,
     following_basis,
-    needed_steps,
+    tangent_at,
 )
+from pipelines.orbits.time_steps import first_steps, step_demand
 from pipelines.stages.cycle_problem import continuation_options, cycle_problem
 from pipelines.stages.cycle_start import FirstCycle, resting_start
-from tests.benchmarks.measuring import Measurement, cpu_seconds, growth_exponent, interleaved
+from tests.benchmarks.measuring import Action, Measurement, growth_exponent, interleaved
 from tests.benchmarks.settings import Grid, Settings
 from tests.machines import case
 
@@ -37,36 +38,6 @@ Array = NDArray[np.float64]
 
 SPEED = 1.1  # the cycle is stable, with the Neimark-Sacker point ahead
 NEXT_SPEED = 1.12
-PROBE_STEPS = 128  # of a pass cut short to time one step
-
-
-@dataclass(frozen=True)
-class Pass:
-    """One run of the integration loop: how many columns it carried and how many steps it took."""
-
-    columns: int
-    steps: int
-
-
-@dataclass(frozen=True)
-class CountingMap(PeriodMap):
-    """A period map that keeps a list of its passes."""
-
-    passes: list[Pass] = field(default_factory=list)
-
-    def evaluate(
-        self,
-        state: Array,
-        parameters: Array,
-        period: float,
-        steps: int,
-        columns: Array | None = None,
-        inhomogeneous: tuple[Inhomogeneity, ...] = (),
-        reference: PhaseReference | None = None,
-    ) -> PeriodImage:
-        width = (0 if columns is None else columns.shape[1]) + len(inhomogeneous)
-        self.passes.append(Pass(width, steps))
-        return super().evaluate(state, parameters, period, steps, columns, inhomogeneous, reference)
 
 
 @dataclass(frozen=True)
@@ -78,61 +49,55 @@ class Start:
     guess: Unknowns
     steps: int
 
-    def one_step(self, columns: int) -> float:
-        """CPU time [s] of one step of a pass with that many columns: a piece of the orbit, timed three
-        times.
-        """
-        block = deterministic_block(self.problem.period_map.size, columns)
-        piece = self.guess.period * PROBE_STEPS / self.steps
-
-        def run() -> PeriodImage:
-            return self.problem.period_map.evaluate(
-                self.guess.state, self.problem.parameters, piece, PROBE_STEPS, block
-            )
-
-        return statistics.median(cpu_seconds(run) for _ in range(3)) / PROBE_STEPS
+    def cycle(self) -> Cycle:
+        """The cycle at ``SPEED`` with as many steps as its multipliers ask for."""
+        steps, basis = self.steps, first_basis(self.problem, self.guess, self.steps)
+        while True:
+            found = correct(self.problem, self.guess, self.problem.fixed_parameter(SPEED), basis, steps).cycle
+            assert found is not None
+            wanted = step_demand(self.problem, found).steps
+            if wanted <= steps:
+                return found
+            steps, basis = self.problem.period_map.rounded_steps(wanted), found.basis
 
 
-def prepared(grid: Grid) -> Start:
+def prepared(grid: Grid, stepper: str = "esdirk5") -> Start:
     """The machine at ``SPEED`` with the equilibrium in the mean ring as guess of its cycle."""
-    description = case(grid, speed=SPEED, continue_cycles={"range": (1.0, 1.6)})
+    description = case(
+        grid, speed=SPEED, continue_cycles={"range": (1.0, 1.6)}, numerics={"stepper": stepper}
+    )
     machine = build_machine(description)
     problem = cycle_problem(machine, description)
-    known = {item.name: getattr(problem.period_map, item.name) for item in fields(problem.period_map)}
-    problem = replace(problem, period_map=CountingMap(**known))
     found = resting_start(machine, problem)
     assert isinstance(found, FirstCycle), found.reason
     guess = problem.consistent(Unknowns(found.start.state, 0.0, SPEED))
-    return Start(description, problem, guess, needed_steps(problem, guess))
+    return Start(description, problem, guess, first_steps(problem, guess))
 
 
 def tangent_batch(settings: Settings) -> list[Measurement]:
-    """Orbit with tangent columns against the orbit alone."""
-    start, grid = prepared(settings.default_grid), _name(settings.default_grid)
-    period_map, guess = start.problem.period_map, start.guess
-    block = deterministic_block(period_map.size, settings.columns)
-
-    def orbit() -> PeriodImage:
-        return period_map.evaluate(guess.state, start.problem.parameters, guess.period, start.steps)
-
-    def batch() -> PeriodImage:
-        return period_map.evaluate(guess.state, start.problem.parameters, guess.period, start.steps, block)
-
-    pair = interleaved(batch, orbit, settings.tangent_pairs)
+    """Orbit with tangent columns against the orbit alone, default stepper and RK4."""
+    grid = _name(settings.default_grid)
     columns = f"orbit + {settings.columns} tangent columns"
-    return [
-        Measurement(
-            "tangent_batch_ratio", pair.ratio, "1",
-            f"{columns} / orbit alone, {period_map.stepper.name}, {grid}",
-        ),
-        Measurement(
-            "period_map", 1e3 * pair.second, "ms",
-            f"informative: orbit alone over one period, {start.steps} steps, {grid}",
-        ),
-        Measurement(
-            "period_map_with_columns", 1e3 * pair.first, "ms", f"informative: {columns}, one period, {grid}"
-        ),
-    ]  # fmt: skip
+    found: list[Measurement] = []
+    for stepper, suffix in (("esdirk5", ""), ("rk4", "_rk4")):
+        start = prepared(settings.default_grid, stepper)
+        cycle, period_map = start.cycle(), start.problem.period_map
+        block = deterministic_block(period_map.size, settings.columns)
+
+        def run(block: Array | None, cycle: Cycle = cycle, period_map: PeriodMap = period_map) -> PeriodImage:
+            at = cycle.unknowns
+            return period_map.evaluate(at.state, cycle.parameters, at.period, cycle.steps, block)
+
+        pair = interleaved(
+            lambda run=run, block=block: run(block), lambda run=run: run(None), settings.tangent_pairs
+        )
+        what = f"{stepper}, {cycle.steps} steps, {grid}"
+        found += [
+            Measurement(f"tangent_batch_ratio{suffix}", pair.ratio, "1", f"{columns} / orbit alone, {what}"),
+            Measurement(f"period_map{suffix}", 1e3 * pair.second, "ms", f"informative: orbit alone, {what}"),
+            Measurement(f"period_map_columns{suffix}", 1e3 * pair.first, "ms", f"informative: {columns}"),
+        ]  # fmt: skip
+    return found
 
 
 def full_monodromy(settings: Settings) -> list[Measurement]:
@@ -173,58 +138,63 @@ def full_monodromy(settings: Settings) -> list[Measurement]:
     return found
 
 
-def growth(settings: Settings) -> list[Measurement]:
-    """Time per branch point against N.
-
-    A grid too large for a bench is composed: the passes of a branch point on the largest walked grid, times
-    the steps which the composed grid needs, times the measured time of its step.  The same is done for the
-    largest walked grid itself, to show how far composition can be trusted.
+def branch_point(settings: Settings) -> list[Measurement]:
+    """A branch point with default settings against the whole monodromy matrix propagated by RK4, both from
+    the cycle at ``SPEED`` to that at ``NEXT_SPEED``.
     """
-    sizes, times, found = [], [], []
-    typical: tuple[int, ...] = ()
-    for grid in settings.walked_grids:
-        start = prepared(grid)
-        seconds, typical = _walked_point(start, settings.branch_points)
-        sizes.append(start.problem.period_map.size)
-        times.append(seconds)
-        found.append(_point_time(grid, start, seconds, "mean of a short branch"))
-    composition_ratio = _composed_point(start, typical) / seconds
-    for grid in settings.composed_grids:
-        start = prepared(grid)
-        sizes.append(start.problem.period_map.size)
-        times.append(_composed_point(start, typical))
-        found.append(_point_time(grid, start, times[-1], "composed of steps"))
-    walked, composed = _names(settings.walked_grids), _names(settings.composed_grids)
+    whole = _next_point(prepared(settings.default_grid, "rk4"), whole=True)
+    slow = _next_point(prepared(settings.default_grid), whole=False)
+    pair = interleaved(whole, slow, settings.monodromy_pairs, warm_up=False)
+    grid = _name(settings.default_grid)
     return [
         Measurement(
-            "growth_exponent", growth_exponent(sizes, times), "1",
-            f"slope of log(time per branch point) over log(N): {walked} walked, {composed} composed of steps",
-        ),
-        Measurement(
-            "growth_exponent_walked", growth_exponent(sizes[: len(settings.walked_grids)],
-                                                      times[: len(settings.walked_grids)]), "1",
-            f"the same of {walked} alone",
-        ),
-        Measurement(
-            "composition_ratio", composition_ratio, "1",
-            f"time of a branch point composed of steps / walked, {_name(settings.walked_grids[-1])}",
-        ),
-        *found,
+            "branch_point_ratio", pair.ratio, "1",
+            f"one branch point with all slow multipliers, {grid}: whole monodromy matrix by rk4 "
+            f"({pair.first:.3g} s) / slow subspace, esdirk5 ({pair.second:.3g} s)",
+        )
     ]  # fmt: skip
 
 
-def _walked_point(start: Start, points: int) -> tuple[float, tuple[int, ...]]:
-    """Mean CPU time [s] of the points of a short branch after the first, and the columns of the last one's
-    passes.
-    """
+def _next_point(start: Start, *, whole: bool) -> Action:
+    """Correct the next point of a branch, ask for its steps and find its tangent."""
+    cycle, problem = start.cycle(), start.problem
+    basis = np.eye(problem.period_map.size) if whole else following_basis(problem, cycle)
+    constraint = problem.fixed_parameter(NEXT_SPEED)
+    direction = tangent_at(problem, cycle, constraint.row)
+    assert direction is not None
+    guess = cycle.unknowns.plus(direction, NEXT_SPEED - SPEED)
+
+    def point() -> None:
+        found = correct(problem, guess, constraint, basis, cycle.steps).cycle
+        assert found is not None
+        step_demand(problem, found)
+        assert tangent_at(problem, found, constraint.row) is not None
+
+    return point
+
+
+def growth(settings: Settings) -> list[Measurement]:
+    """Time per branch point against N, each from a short branch."""
+    sizes, times, found = [], [], []
+    for grid in settings.walked_grids:
+        start = prepared(grid)
+        seconds, steps = walked_point(start, settings.branch_points)
+        sizes.append(start.problem.period_map.size)
+        times.append(seconds)
+        what = f"informative: time per branch point, N = {sizes[-1]}, {steps} steps per period"
+        found.append(Measurement(f"branch_point_{_name(grid)}", seconds, "s", what))
+    what = f"slope of log(time per branch point) over log(N): {_names(settings.walked_grids)}"
+    return [Measurement("growth_exponent", growth_exponent(sizes, times), "1", what), *found]
+
+
+def walked_point(start: Start, points: int) -> tuple[float, int]:
+    """Mean CPU time [s] of the points of a short branch after the first, and its steps per period."""
     marks: list[float] = []
-    passes: list[int] = []
-    log = start.problem.period_map
-    assert isinstance(log, CountingMap)
+    steps: list[int] = []
 
     def record(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
         marks.append(time.process_time())
-        passes.append(len(log.passes))
+        steps.append(state.steps)
 
     options = replace(
         continuation_options(start.description, 1),
@@ -233,20 +203,7 @@ def _walked_point(start: Start, points: int) -> tuple[float, tuple[int, ...]]:
     )
     continue_branch(start.problem, BranchStart(start.guess.state, SPEED), options, record)
     assert len(marks) == points + 1
-    return (marks[-1] - marks[0]) / points, tuple(one.columns for one in log.passes[passes[-2] : passes[-1]])
-
-
-def _composed_point(start: Start, typical: tuple[int, ...]) -> float:
-    """Sum over the passes of a branch point: steps times the time of one."""
-    step = {columns: start.one_step(columns) for columns in set(typical)}
-    return start.steps * sum(step[columns] for columns in typical)
-
-
-def _point_time(grid: Grid, start: Start, seconds: float, how: str) -> Measurement:
-    what = (
-        f"informative: time per branch point, N = {start.problem.period_map.size}, {start.steps} steps, {how}"
-    )
-    return Measurement(f"branch_point_{_name(grid)}", seconds, "s", what)
+    return (marks[-1] - marks[0]) / points, steps[-1]
 
 
 def _name(grid: Grid) -> str:

@@ -11,20 +11,26 @@ Grid = tuple[int, int]
 class Settings:
     """Grids are N_theta x N_z.
 
-    ``walked_grids``: time per branch point from a short branch of ``branch_points`` points;
-    ``composed_grids``: from the passes of the largest walked grid and the time of a step.
+    ``walked_grids``: time per branch point from a short branch of ``branch_points`` points after the first;
+    ``stepper_grids``: the default stepper against RK4; ``chains``: states of the reaction-diffusion chain,
+    each followed for ``chain_points``; ``repetitions``: calls in a loop that measures a rate;
+    ``fresh_cache``: the cold start compiles all kernels.
     """
 
     default_grid: Grid = (40, 3)
     backward_grid: Grid = (80, 10)
     reference_grids: tuple[Grid, Grid] = ((288, 4), (576, 4))
     monodromy_grids: tuple[Grid, ...] = ((24, 2), (40, 3))
-    walked_grids: tuple[Grid, ...] = ((24, 2), (40, 3), (64, 3))
-    composed_grids: tuple[Grid, ...] = ((96, 4), (160, 5))
+    walked_grids: tuple[Grid, ...] = ((24, 2), (40, 3), (64, 3), (96, 4), (160, 5))
+    stepper_grids: tuple[Grid, ...] = ((40, 3), (96, 4))
+    chains: tuple[int, ...] = (40, 80, 160, 500, 2000)
     columns: int = 32
     tangent_pairs: int = 9
     monodromy_pairs: int = 3
     branch_points: int = 3
+    chain_points: int = 8
+    repetitions: int = 20_000
+    fresh_cache: bool = True
 
 
 FULL = Settings()
@@ -34,9 +40,13 @@ QUICK = Settings(
     reference_grids=((24, 2), (48, 2)),
     monodromy_grids=((12, 2),),
     walked_grids=((12, 2), (16, 2)),
-    composed_grids=((24, 2),),
+    stepper_grids=((12, 2),),
+    chains=(10, 20),
     columns=8,
     tangent_pairs=3,
     monodromy_pairs=1,
     branch_points=2,
+    chain_points=2,
+    repetitions=100,
+    fresh_cache=False,
 )
