@@ -62,7 +62,9 @@ def cold_start(settings: Settings) -> list[Measurement]:
 def _run(command: list[str], environment: dict[str, str]) -> _Run:
     """Run a command that must succeed."""
     before, start, progress = _children_seconds(), time.monotonic(), None
-    with subprocess.Popen(command, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as process:
         assert process.stderr is not None
         told = []
         for line in process.stderr:
