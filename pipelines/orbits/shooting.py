@@ -188,8 +188,8 @@ class Cycle:
     """A corrected periodic orbit.
 
     ``parameters`` (p,), ``basis`` (N, k) and the ``image`` of the last pass (orbit, M V, phi_l, ...),
-    ``spectrum`` of multipliers, ``residual`` as in ShootingOptions.tolerance, ``steps`` per period; ``linear``:
-    the last linearisation on the way, None if the guess was the cycle.
+    ``spectrum`` of multipliers, ``residual`` as in ShootingOptions.tolerance, ``steps`` per period;
+    ``linear``: the last linearisation on the way, None if the guess was the cycle.
     """
 
     unknowns: Unknowns
