@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit, types
+from numpy.typing import NDArray
 
 from pipelines.machine.kernels import FACTORISE_POINTER, RATES_POINTER, SOLVE_POINTER, TANGENT_POINTER
 from pipelines.machine.lines import LINE
@@ -243,6 +244,13 @@ def _accumulate(weights, gradient, share, lines, line_slopes, stages, functional
                 functional[1 + chunk * LINE + c] += share * gradient[i] * column
 
 
+def aligned(count: int) -> NDArray[np.float64]:
+    """Zeros that begin on a line of the cache, so that no line of columns straddles two."""
+    values = np.zeros(count + LINE)
+    first = -(values.ctypes.data // values.itemsize) % LINE
+    return values[first : first + count]
+
+
 def workspace_sizes(size: int, chunks: int, stages: int) -> tuple[int, int]:
     """Lengths of the two scratch vectors that ``propagate_implicit`` needs: for the orbit, for the
     columns.
@@ -278,11 +286,10 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
     system = (parameters, constants, layout, work, oscillator, rates, tangent, factorise, solve)
     growth = (column_parameter, column_period, period)
 
-    slopes = orbit_space[: 2 * stages * n].reshape((2 * stages, n))  # of the last step, then of this one
-    current = slopes[stages:]
-    rest = orbit_space[2 * stages * n :]
+    line, rest = orbit_space[: base * LINE], orbit_space[width:]
+    slopes = rest[: 2 * stages * n].reshape((2 * stages, n))  # of the last step, then of this one
+    current, rest = slopes[stages:], rest[2 * stages * n :]
     right, stage, trial, phase_slope = rest[:n], rest[n : 2 * n], rest[2 * n : 3 * n], rest[3 * n : 4 * n]
-    line = rest[4 * n : 4 * n + base * LINE]
     end = chunks * stages * width
     line_slopes = column_space[:end].reshape((chunks, stages, width))
     line_stages = column_space[end : end + chunks * width].reshape((chunks, width))

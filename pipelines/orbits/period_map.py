@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.machine.lines import LINE
-from pipelines.orbits.implicit import propagate_implicit, workspace_sizes
+from pipelines.orbits.implicit import aligned, propagate_implicit, workspace_sizes
 from pipelines.orbits.propagation import propagate, workspace_size
 from pipelines.orbits.steppers import RK4, ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector
@@ -225,18 +225,17 @@ class PeriodMap:
         chunks = -(-width // LINE)
         padded = np.zeros((size, chunks * LINE))
         padded[:, :width] = run.block
-        lines = np.ascontiguousarray(padded.reshape(size, chunks, LINE).swapaxes(0, 1)).reshape(
-            chunks, size * LINE
-        )
+        lines = aligned(chunks * size * LINE).reshape(chunks, size * LINE)
+        lines[:] = padded.reshape(size, chunks, LINE).swapaxes(0, 1).reshape(chunks, size * LINE)
         functional = np.zeros(1 + chunks * LINE)
         failed = propagate_implicit(
             system.rates, system.tangent, system.shifted.factorise, system.shifted.solve,
             stepper.a, stepper.c, stepper.predictor,
             steps, 2.0 * math.pi * self.turns, period, system.forcing if self.extended else -1,
-            parameters, system.constants, system.layout, np.zeros(system.work_size),
-            np.zeros(system.shifted.factors_size), run.state, lines,
+            parameters, system.constants, system.layout, aligned(system.work_size),
+            aligned(system.shifted.factors_size), run.state, lines,
             run.column_parameter, run.column_period, run.orbit, run.gradient, functional,
-            *map(np.zeros, workspace_sizes(size, chunks, stepper.stages)),
+            *map(aligned, workspace_sizes(size, chunks, stepper.stages)),
         )  # fmt: skip
         run.block[:] = (
             lines.reshape(chunks, size, LINE).swapaxes(0, 1).reshape(size, chunks * LINE)[:, :width]
