@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
-
-import numpy as np
 
 from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind
+from pipelines.bifurcations.walking import PlainState
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle, Unknowns
 from pipelines.orbits.system import Matrix, Vector
@@ -86,7 +84,7 @@ class BranchStart:
 
 
 @dataclass(frozen=True)
-class BranchState:
+class BranchState(PlainState):
     """Everything the next step depends on, as plain arrays and numbers.
 
     A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``,
@@ -123,22 +121,6 @@ class BranchState:
     @property
     def start(self) -> Unknowns:
         return Unknowns(self.start_state, self.start_period, self.start_parameter)
-
-    def arrays(self) -> dict[str, Any]:
-        """Field name to array or number."""
-        return {item.name: getattr(self, item.name) for item in fields(self)}
-
-    @classmethod
-    def from_arrays(cls, arrays: dict[str, Any]) -> BranchState:
-        """The inverse of ``arrays``; arrays are copied into C order, on which the bits of a product
-        depend.
-        """
-        kinds = {"index": int, "steps": int}
-        values: dict[str, Any] = {
-            name: np.array(value, order="C") if np.ndim(value) else kinds.get(name, float)(value)
-            for name, value in arrays.items()
-        }
-        return cls(**values)
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import Enum, IntEnum
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from pipelines.bifurcations.critical import Frame
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions
 from pipelines.bifurcations.plane import Position
+from pipelines.bifurcations.walking import PlainState
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle
 from pipelines.orbits.system import Matrix, Vector
@@ -112,7 +112,7 @@ class CurveStart:
 
 
 @dataclass(frozen=True)
-class CurveState:
+class CurveState(PlainState):
     """Everything the next step depends on, as plain arrays and numbers.
 
     A curve restarted from a copy of it continues with the same bits.  ``state``, the ``tangent_*``, the
@@ -182,22 +182,6 @@ class CurveState:
     @property
     def frame(self) -> Frame:
         return Frame(self.right, self.left, self.right_period, self.left_phase, self.kappa)
-
-    def arrays(self) -> dict[str, Any]:
-        """Field name to array or number."""
-        return {item.name: getattr(self, item.name) for item in fields(self)}
-
-    @classmethod
-    def from_arrays(cls, arrays: dict[str, Any]) -> CurveState:
-        """The inverse of ``arrays``; arrays are copied into C order, on which the bits of a product
-        depend.
-        """
-        kinds = {"index": int, "steps": int}
-        values: dict[str, Any] = {
-            name: np.array(value, order="C") if np.ndim(value) else kinds.get(name, float)(value)
-            for name, value in arrays.items()
-        }
-        return cls(**values)
 
 
 @dataclass(frozen=True)

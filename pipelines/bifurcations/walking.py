@@ -7,6 +7,10 @@ corrector, and close when they come back to their first point.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, Self, cast
+
+import numpy as np
 
 STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
 _CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
@@ -48,3 +52,23 @@ def passes_start(
 def is_start(arclength: float, step: float, distance: float) -> bool:
     """Whether a point at a ``distance`` from the first one is the first point again."""
     return arclength > 2.0 * step and distance <= _SAME * step
+
+
+class PlainState:
+    """A frozen dataclass of arrays and numbers from which a walk goes on with the same bits."""
+
+    def arrays(self) -> dict[str, Any]:
+        """Field name to array or number."""
+        return {item.name: getattr(self, item.name) for item in fields(cast(Any, self))}
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, Any]) -> Self:
+        """The inverse of ``arrays``; arrays are copied into C order, on which the bits of a product
+        depend.
+        """
+        kinds = {"index": int, "steps": int}
+        values: dict[str, Any] = {
+            name: np.array(value, order="C") if np.ndim(value) else kinds.get(name, float)(value)
+            for name, value in arrays.items()
+        }
+        return cls(**values)

@@ -227,9 +227,7 @@ def film_derivatives(
         term, rate = own[THICKNESS_HERE], pressure_rate[j * nodes : (j + 1) * nodes]
         for i in range(nodes):
             term[i] = (3.0 * axial * h[i] * h[i] * curvature[i] - rate[i]) * inverse[i]
-        for i in range(
-            nodes
-        ):  # through the faces, the same for both of their nodes, and through the convection
+        for i in range(nodes):  # through the faces, which both of their nodes move alike, and the convection
             through = right_slope[i] * (p_after[i] * p_after[i] - p[i] * p[i])
             through -= left_slope[i] * (p[i] * p[i] - row[i] * row[i])
             term[i] += scale * inverse[i] * (through - (behind - before) * p[i])

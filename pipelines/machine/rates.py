@@ -39,7 +39,7 @@ from .film import (
 )
 from .film_force import FORCE_SCRATCH, film_force
 from .kernels import RATES, TANGENT
-from .lines import LINE, add_line, set_line
+from .lines import LINE, add_line, fold_line, set_line
 
 # Integers of the machine, followed by FILM_INTEGERS for each bearing.
 ROTOR_STATE, ROTOR_SIZE, ROTOR_CONSTANTS, JOURNAL, FILM_CONSTANTS = 0, 1, 2, 3, 5
@@ -255,12 +255,12 @@ def film_lines(lines, terms, integers, out):
 
 @njit(cache=True, error_model="numpy")
 def force_lines(lines, gradient, force):
-    """Lines dF_x and dF_y of a bearing into ``force`` (2 lines)."""
-    w = UNSIGNED(LINE)
+    """Lines dF_x and dF_y of a bearing into ``force`` (2 lines); ``lines`` begins with its pressures."""
+    rows, w = UNSIGNED(gradient.shape[1]), UNSIGNED(LINE)
+    flat = gradient.reshape(UNSIGNED(2) * rows)
     force[:] = 0.0
-    for row in range(UNSIGNED(gradient.shape[1])):
-        add_line(force, UNSIGNED(0), gradient[0, row], lines, row * w)
-        add_line(force, w, gradient[1, row], lines, row * w)
+    for k in range(UNSIGNED(2)):
+        fold_line(force, k * w, force, k * w, flat, k * rows, lines, UNSIGNED(0), w, rows)
 
 
 @njit(cache=True)

@@ -12,8 +12,8 @@ displacements to the pressures at their own angle, and the two films to the roto
     In a periodic film the last line closes the ring: its coupling fills one more block column T and row W.
 3.  With the bearing forces F (four of them) known, the rotor is linear with constant coefficients,
 
-        dv = v^ + shift S^-1 M^-1 F,   S = I + shift M^-1 (C + Omega G) + shift^2 M^-1 K,   dx = b_x + shift
-        dv
+        dv = v^ + shift S^-1 M^-1 F,   dx = b_x + shift dv
+        S = I + shift M^-1 (C + Omega G) + shift^2 M^-1 K
 
     and F = F^ + Y (dX, dY, dX', dY') closes a 4 x 4 system.
 
@@ -50,6 +50,7 @@ from .rates import (
     UNSIGNED,
     bearing_views,
     film_workspace_size,
+    force_lines,
     linearise_bearing,
     rotor_views,
 )
@@ -114,9 +115,8 @@ def factors_size(rotor_size: int, grids: list[tuple[int, int]]) -> int:
 
 def workspace_size(state_size: int, rotor_size: int, nodes: int, stations: int) -> int:
     """Scratch doubles that ``machine_factorise`` and ``machine_solve`` need for such a bearing."""
-    film = film_workspace_size(nodes, stations)
-    linearised = nodes * stations * (HERE + stations) + state_size + film
-    factorise = FORCES * (LINE + FORCES) + max(linearised, linearised - state_size - film + 8 * stations**2)
+    scratch = max(state_size + film_workspace_size(nodes, stations), 8 * stations**2)
+    factorise = FORCES * (LINE + FORCES) + nodes * stations * (HERE + stations) + scratch
     return max(factorise, (FORCES + max(stations, rotor_size + FORCES)) * LINE)
 
 
@@ -283,16 +283,6 @@ def _solve_film(blocks, integers, work, lines):
 
 
 @njit(cache=True, error_model="numpy")
-def _force_lines(gradient, lines, out):
-    """The gas force (2 lines) of a bearing's pressures."""
-    rows, w = UNSIGNED(gradient.shape[1]), UNSIGNED(LINE)
-    flat = gradient.reshape(UNSIGNED(2) * rows)
-    out[:] = 0.0
-    for k in range(UNSIGNED(2)):
-        fold_line(out, k * w, out, k * w, flat, k * rows, lines, UNSIGNED(0), w, rows)
-
-
-@njit(cache=True, error_model="numpy")
 def _solve_bearing(views, integers, work, lines, force):
     """Pressures and gas force (2 lines) of a bearing whose journal is at rest; foil displacements are left at
     b_q / (1 + shift r).
@@ -311,7 +301,7 @@ def _solve_bearing(views, integers, work, lines, force):
             factors = (1.0, right[r, 0], right[r, 1], right[r, 2])
             set_line(lines, r * w, factors, lines, (r * w, before, here, after))
     _solve_film(blocks, integers, work, lines)
-    _force_lines(gradient, lines, force)
+    force_lines(lines, gradient, force)
 
 
 @njit(cache=True, error_model="numpy")
@@ -371,7 +361,7 @@ def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layo
     _fill_right_sides(terms, shift, relaxation, 1.0 / clearance, integers, arrays, views)
     _eliminate(terms, shift, foil, integers, work, blocks)
     _solve_film(blocks, integers, work, journal)
-    _force_lines(force, journal, response)
+    force_lines(journal, force, response)
 
 
 @njit(cache=True)

@@ -271,7 +271,11 @@ def tangent_at(
     unknowns, basis = cycle.unknowns, cycle.basis
     exact = replace(cycle.image, state=unknowns.state)
     linear = None if cycle.linear is None else _carried_over(cycle.linear, basis, exact)
-    if linear is None or not _is_swept(linear, problem.options.picard_tolerance):
+    if linear is not None:
+        following = _next_sweep(basis, linear.sources, linear.swept_image)
+        if not _changes_little(following, linear.swept, linear.sources, problem.options.picard_tolerance):
+            linear = None
+    if linear is None:
         linear = _linearise(problem, unknowns, basis, exact, cycle.steps, reference)
     direction = _solve_bordered(problem, linear, row, -1.0, 0.0)
     if direction is None or problem.period_map.autonomous:
@@ -297,12 +301,16 @@ def _carried_over(last: Linearisation, basis: Matrix, image: PeriodImage) -> Lin
     return Linearisation(image, basis, sources[:, 0], sources, swept, swept_image, swept_phase)
 
 
-def _is_swept(linear: Linearisation, tolerance: float) -> bool:
-    """Whether another Picard sweep would change little."""
-    following = linear.swept_image + linear.sources
-    following = following - linear.basis @ (linear.basis.T @ following)
-    change = np.linalg.norm(following - linear.swept, axis=0)
-    return bool(np.all(change <= tolerance * np.linalg.norm(linear.sources, axis=0)))
+def _next_sweep(basis: Matrix, sources: Matrix, swept_image: Matrix) -> Matrix:
+    """The next Picard iterate Q (M q + x)."""
+    following = swept_image + sources
+    return np.asarray(following - basis @ (basis.T @ following))
+
+
+def _changes_little(following: Matrix, swept: Matrix, sources: Matrix, tolerance: float) -> bool:
+    """Whether a Picard sweep moves every q_x by little against x."""
+    change = np.linalg.norm(following - swept, axis=0)
+    return bool(np.all(change <= tolerance * np.linalg.norm(sources, axis=0)))
 
 
 def first_basis(problem: CycleProblem, guess: Unknowns, steps: int) -> Matrix:
@@ -373,10 +381,8 @@ def _linearise(
             unknowns.state, parameters, unknowns.period, steps, swept, (), reference
         )
         swept_image, swept_phase = passed.columns, passed.phase_columns
-        following = swept_image + sources
-        following = following - basis @ (basis.T @ following)
-        change = np.linalg.norm(following - swept, axis=0)
-        if np.all(change <= options.picard_tolerance * np.linalg.norm(sources, axis=0)):
+        following = _next_sweep(basis, sources, swept_image)
+        if _changes_little(following, swept, sources, options.picard_tolerance):
             break
         swept = following
     return Linearisation(image, basis, residual, sources, swept, swept_image, swept_phase)
