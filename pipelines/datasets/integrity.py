@@ -58,7 +58,7 @@ def _all_groups(store: Store) -> Iterator[str]:
         yield f"cases/{case}"
         for name in _folders(store.path / "cases" / case):
             path = f"cases/{case}/{name}"
-            if name in KINDS and name != "cycles":
+            if name in KINDS and KINDS[name].row != "point":
                 if _is_made(store.path / path):
                     yield path
                 continue
