@@ -270,7 +270,7 @@ class ContinueCycles(Table):
         because="a cycle of no size is the equilibrium",
     )
     doublings: int = quantity(
-        "how often branches of period-doubled cycles are followed: 1 for twice the period, 2 for four times, ...",
+        "how often branches of doubled cycles are followed: 1 for twice the period, 2 for four times, ...",
         "",
         0,
         at_least=0,
