@@ -42,7 +42,6 @@ from pipelines.orbits.shooting import (
     reference_of,
 )
 
-
 _STARTED = 1e-4  # arclength within which a resonance found again is the one that the curve starts from
 
 
