@@ -487,6 +487,11 @@ CURVE = GroupSpec(
         _real("alignment", "point", "cosine of the angle between left and right critical vectors"),
         _count("steps_per_period", "point", "time steps of one period"),
         _real(
+            "step_error",
+            "point",
+            "estimated error of the multipliers by the time steps (implicit stepper only)",
+        ),
+        _real(
             "directions",
             "slot direction extended",
             "tangent, normal, gradient of the test function and bend of the curve at the newest point: "

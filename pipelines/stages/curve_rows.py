@@ -119,6 +119,7 @@ def point_row(point: CurvePoint, state: CurveState, shape: CycleShape, autonomou
         "newton_history": np.array(point.residual_norms),
         "alignment": point.alignment,
         "steps_per_period": state.steps,
+        "step_error": state.step_error,
     }
 
 
@@ -233,6 +234,7 @@ def resumed_state(newest: Resume, first: Mapping[str, Array], names: tuple[str, 
         "left_phase": left[-1],
         "tests": row["special_tests"],
         "steps": row["steps_per_period"],
+        "step_error": row["step_error"],
         "basis": slots["basis"][:, :columns],
         "start_state": first["state"][0],
         "start_period": first["period"][0],
