@@ -121,7 +121,7 @@ def _open_with(
 def _facing_inwards(
     problem: CurveProblem, end: CurveEnd, options: CurveOptions, metric: PlaneMetric
 ) -> CurveEnd:
-    """The first point on R1 or R2 with the tangent towards abs(kappa) < 1: the critical pair is complex there.
+    """The first point on R1 or R2 with the tangent towards abs(kappa) < 1, where its pair is complex.
 
     The slope of kappa is a difference of large numbers there, so a trial step decides; without one the slope.
     """

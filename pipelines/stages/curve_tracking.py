@@ -332,7 +332,9 @@ def curves_result(job: Job, kind: EventKind, outside: int, refused: int) -> Stag
     summary |= {name: specials.count(name) for name in dict.fromkeys(specials)}
     if outside:
         summary["starts outside the plane"] = outside
-    reasons = [curve.attributes["stop_reason"] or "stopped on request" for curve in curves]
+    reasons = [curve.attributes["stop_reason"] for curve in curves if curve.attributes["stop_reason"]]
+    if job.should_stop():
+        reasons.append("stopped on request")
     advice = [curve.attributes["stop_advice"] for curve in curves]
     if refused:
         advice.append(f"{refused} more curves were not traced: raise track_curves.max_curves")
