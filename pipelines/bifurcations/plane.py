@@ -90,11 +90,11 @@ class CurveProblem:
 
     ``parameters`` (p,) holds the fixed ones, ``names`` the two free ones; ``kind``: what is followed;
     ``options``: of the corrector, whose ``multiplier_tolerance`` is also asked of the test function;
-    ``smooth_maps``: regularised maps for the normal forms of a map that is only piecewise smooth, the sharpest
-    first; the others tell how much its coefficient depends on the regularisation.
-    Raises ValueError for unknown or equal names, a wrong number of parameters, a branch point as kind, a smooth
-    map with other unknowns, or the extended system for folds of unknown period, where only the bordered one
-    knows the phase condition.
+    ``smooth_maps``: regularised maps for the normal forms of a map that is only piecewise smooth, the
+    sharpest first; the others tell how much its coefficient depends on the regularisation.
+    Raises ValueError for unknown or equal names, a wrong number of parameters, a branch point as kind, a
+    smooth map with other unknowns, or the extended system for folds of unknown period, where only the
+    bordered one knows the phase condition.
     """
 
     period_map: PeriodMap

@@ -1,9 +1,10 @@
 """Normal forms of maps that are only piecewise smooth, from regularised maps beside them.
 
-A piecewise smooth force has third derivatives with singularities at the moments where a piece begins or ends.
-Along the exact orbit they are integrable, but time steps miss what happens between them, so that differences
-of the discrete map tend to a wrong coefficient however many steps are taken.  A force regularised over a width
-that the steps resolve has the coefficient in sight: it tends to that of the exact orbit with the width.
+A piecewise smooth force has third derivatives with singularities at the moments where a piece begins or
+ends.  The flow may still be smooth, but time steps miss what happens between them, so that differences of the
+discrete map tend to a wrong coefficient however many steps are taken.  A force regularised over a width that
+the steps resolve has none of this, and where every piece begins and ends with a rate its coefficient tends to
+that of the flow as the width falls.  Events without a rate make it depend on widths above their depth.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ def shifted(explicit: ExplicitMap, parameter: int, shift: float) -> ExplicitMap:
 def test_special_points_are_those_of_the_regularised_coefficient() -> None:
     """b = c + q^2 and d = d_r + 0.7 i: shifted in the regularised map, the zeros move by as much.
 
-    The second map moves the coefficients by a constant, larger than their change in a step, which is no noise.
+    The second map moves the coefficients by a constant above their change in a step, which is no noise.
     """
     maps = tuple(shifted(flip_map(), 2, shift) for shift in (0.05, 0.15))
     problem = replace(map_problem(flip_map(), FLIP, (0, 0.6, 0, 0.5), ("c", "m")), smooth_maps=maps)
