@@ -10,7 +10,7 @@ from enum import Enum, IntEnum
 import numpy as np
 
 from pipelines.bifurcations.critical import Frame
-from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.detection import DetectionOptions, EventKind, Resonance, strong_resonance
 from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions
 from pipelines.bifurcations.plane import Position
 from pipelines.bifurcations.walking import PlainState
@@ -219,6 +219,14 @@ class CurvePoint:
     @property
     def iterations(self) -> int:
         return max(0, len(self.residual_norms) - 1)
+
+    def resonance(self, distance: float = DetectionOptions.resonance_distance) -> Resonance:
+        """The strong resonance within ``distance`` rad of a Neimark-Sacker point, where d does not decide
+        what is born: resonant terms of the same order join it (R4) or it has a pole (R1, R2, R3).
+        """
+        if self.kind is not EventKind.NEIMARK_SACKER:
+            return Resonance.NONE
+        return strong_resonance(self.angle, distance)
 
 
 @dataclass(frozen=True)

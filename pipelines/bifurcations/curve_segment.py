@@ -19,8 +19,9 @@ from pipelines.bifurcations.curve import CurvePoint, SpecialKind, SpecialPoint
 from pipelines.bifurcations.curve_corrector import correct_critical, settled
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.frames import following_frame
-from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions, normal_form
+from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
+from pipelines.bifurcations.regularised import stored_form
 from pipelines.bifurcations.surface import surface_step
 from pipelines.bifurcations.walking import hermite_weights
 from pipelines.orbits.floquet import floquet_spectrum
@@ -88,7 +89,13 @@ def curve_end(
     normal = first.scaled(g1 / size).plus(second, g2 / size)
     gradient = found.gradient.plus(metric.row(tangent), -found.gradient.dot(tangent))
     gradient = gradient.plus(metric.row(normal), size - gradient.dot(normal))
-    point = _point(correction, found, options)
+    frame = following_frame(linear.basis, critical)
+    form: NormalForm | None = None
+    if options is not None:
+        plane = metric.row(tangent)
+        across = Closing(plane, plane.dot(found.position), metric.row(normal), gradient, metric)
+        form = stored_form(found, frame, across, options)
+    point = _point(correction, found, form)
     tests = special_tests(
         linear.at.problem.kind,
         point.cycle.spectrum.multipliers,
@@ -103,7 +110,7 @@ def curve_end(
         tangent,
         normal,
         gradient,
-        following_frame(linear.basis, critical),
+        frame,
         tests,
         kappa_slope=0.5 * turned * (g2 * trace1 - g1 * trace2) / size,
     )
@@ -142,9 +149,7 @@ def _lengths(critical: Critical) -> float:
     return float(np.linalg.norm(critical.left) * np.linalg.norm(critical.right) ** 2)
 
 
-def _point(
-    correction: CurveCorrection, found: CriticalCycle, options: NormalFormOptions | None
-) -> CurvePoint:
+def _point(correction: CurveCorrection, found: CriticalCycle, form: NormalForm | None) -> CurvePoint:
     linear, critical = found.linear, found.critical
     problem = linear.at.problem
     cycle = Cycle(
@@ -156,7 +161,6 @@ def _point(
         correction.residual_norms[-1],
         found.steps,
     )
-    form: NormalForm | None = None if options is None else normal_form(linear, critical, options)
     return CurvePoint(
         problem.kind,
         cycle,
@@ -287,7 +291,7 @@ def _drowned(end: CurveEnd, change: float) -> bool:
     is only piecewise smooth has coefficients that jump.
     """
     form = end.point.normal_form
-    return form is None or form.error * abs(end.point.alignment) > 0.5 * change
+    return form is None or form.noise * abs(end.point.alignment) > 0.5 * change
 
 
 def dip_beyond(

@@ -10,7 +10,7 @@ With B = D2 phi, C = D3 phi at the critical cycle, M q = mu q of unit 2-norm, p'
 B and C are first and second differences of the tangent map, which is itself exact: B(x, y) is the derivative
 of M y along x.  Every coefficient is computed from the fourth-order differences with the steps h and 2h and
 from the second-order ones with h; their distance is the error estimate.  The tangent map has to be smooth
-over the step.
+over the step: ``pipelines.bifurcations.regularised`` sees to that where it is not.
 """
 
 from __future__ import annotations
@@ -44,11 +44,17 @@ class NormalFormOptions:
 
 @dataclass(frozen=True)
 class NormalForm:
-    """a (its sign is that of q), b or d with the estimated ``error`` of the differences; d is complex."""
+    """a (its sign is that of q), b or d, which is complex.
+
+    ``error``: estimate of all errors; ``noise``: the part of it that the differences leave.  The rest is the
+    distance between regularisations of the map (``pipelines.bifurcations.regularised``), which changes
+    slowly along a curve.
+    """
 
     kind: EventKind
     coefficient: complex
     error: float
+    noise: float
 
     @property
     def supercritical(self) -> bool:
@@ -56,6 +62,11 @@ class NormalForm:
         if self.kind is EventKind.PERIOD_DOUBLING:
             return self.coefficient.real > 0.0
         return self.kind is EventKind.NEIMARK_SACKER and self.coefficient.real < 0.0
+
+    @property
+    def decided(self) -> bool:
+        """Whether the sign of b or Re d is beyond the error."""
+        return abs(self.coefficient.real) > self.error
 
 
 def normal_form(
@@ -79,7 +90,8 @@ def normal_form(
     except np.linalg.LinAlgError:
         return None
     fine, coarse = complex(values[0]), complex(values[1])
-    return NormalForm(kind, fine, abs(fine - coarse))
+    noise = abs(fine - coarse)
+    return NormalForm(kind, fine, noise, noise)
 
 
 def _fold(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:

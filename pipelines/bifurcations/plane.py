@@ -89,9 +89,12 @@ class CurveProblem:
     """Period doublings, Neimark-Sacker points or folds of one period map in the plane of two parameters.
 
     ``parameters`` (p,) holds the fixed ones, ``names`` the two free ones; ``kind``: what is followed;
-    ``options``: of the corrector, whose ``multiplier_tolerance`` is also asked of the test function.
-    Raises ValueError for unknown or equal names, a wrong number of parameters, a branch point as kind, or the
-    extended system for folds of unknown period, where only the bordered one knows the phase condition.
+    ``options``: of the corrector, whose ``multiplier_tolerance`` is also asked of the test function;
+    ``smooth_maps``: regularised maps for the normal forms of a map that is only piecewise smooth, the
+    sharpest first; the others tell how much its coefficient depends on the regularisation.
+    Raises ValueError for unknown or equal names, a wrong number of parameters, a branch point as kind, a
+    smooth map with other unknowns, or the extended system for folds of unknown period, where only the
+    bordered one knows the phase condition.
     """
 
     period_map: PeriodMap
@@ -100,6 +103,7 @@ class CurveProblem:
     names: tuple[str, str]
     options: ShootingOptions = field(default_factory=ShootingOptions)
     formulation: CurveFormulation = CurveFormulation.BORDERED
+    smooth_maps: tuple[PeriodMap, ...] = ()
 
     def __post_init__(self) -> None:
         known = self.period_map.system.parameter_names
@@ -111,6 +115,10 @@ class CurveProblem:
             self.period_map.system.parameter_index(name)
         if self.kind is EventKind.BRANCH_POINT:
             raise ValueError("branch points do not form curves in two parameters")
+        for smooth in self.smooth_maps:
+            same = (smooth.size, smooth.autonomous, smooth.system.parameter_names)
+            if same != (self.period_map.size, self.period_map.autonomous, known):
+                raise ValueError("a smooth map must have the unknowns and parameters of the period map")
         extended = self.formulation is CurveFormulation.EXTENDED
         if extended and self.kind is EventKind.FOLD and self.period_map.autonomous:
             raise ValueError("folds of cycles of unknown period need the bordered formulation")

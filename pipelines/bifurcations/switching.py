@@ -38,13 +38,15 @@ def curve_from_event(
     event: Event,
     names: tuple[str, str],
     formulation: CurveFormulation = CurveFormulation.BORDERED,
+    smooth_maps: tuple[PeriodMap, ...] = (),
 ) -> tuple[CurveProblem, CurveStart]:
-    """The curve in the plane of two parameters through a bifurcation found on a branch of cycles.
+    """The curve in the plane of two parameters through a bifurcation found on a branch of cycles;
+    ``smooth_maps`` as in CurveProblem.
 
     Raises ValueError for a branch point.
     """
     curves = CurveProblem(
-        problem.period_map, event.kind, event.parameters, names, problem.options, formulation
+        problem.period_map, event.kind, event.parameters, names, problem.options, formulation, smooth_maps
     )
     first, second = (float(event.parameters[index]) for index in curves.indices)
     return curves, CurveStart(event.state, (first, second), event.period, event.angle)

@@ -153,7 +153,7 @@ class Bearing(Table):
         "gumbel",
     )
     smoothing: float = quantity(
-        "width of the regularisation of `smooth`, as a part of ambient pressure",
+        "half width of the regularisation of `smooth` about ambient pressure, as a part of it",
         "1",
         0.01,
         above=0,

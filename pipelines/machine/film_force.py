@@ -11,6 +11,13 @@ which meets a smooth pressure at the nodes to third order.  Beside the foil edge
 has a kink, one parabola covers 3/2 spacings and joins the spline with its slope.  The force is the integral
 over the set where u > 0, whose ends move smoothly through the grid: the force is twice continuously
 differentiable in time as long as the pressure crosses the ambient line with a slope.
+
+The regularised clipping takes r(u) for u^+, the convolution of u^+ with the kernel K(u/w)/w of fourth order,
+
+    K(t) = 105/64 (1 - t^2)^2 (1 - 3 t^2),  |t| < 1;      int K = 1,  int t^2 K = 0
+
+so that r is three times continuously differentiable, equals u^+ where |u| >= w and moves integrals over a
+smooth u by O(w^4).
 """
 
 from __future__ import annotations
@@ -20,10 +27,12 @@ from numba import njit
 
 from .film import CLIPPING, FULL, GUMBEL, NODES, PERIODIC, SMOOTHING, SPACING, STATIONS
 
-# Abscissae and weights of Gauss-Legendre quadrature on [0, 1]: resolves the regularised clipping inside a
-# cell.
-_GAUSS_POINTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(5)[0]
-_GAUSS_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(5)[1]
+# Abscissae and weights of Gauss-Legendre quadrature on [0, 1], exact for r(u) cos: powers of x up to 18.
+_GAUSS_POINTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(10)[0]
+_GAUSS_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(10)[1]
+
+# Even part of r(t width) / width, whose odd part is t/2: powers 0, 2, ..., 8 of t.
+_R0, _R2, _R4, _R6, _R8 = 35.0 / 512.0, 105.0 / 128.0, -175.0 / 256.0, 49.0 / 128.0, -45.0 / 512.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -37,6 +46,21 @@ def _power_integrals(a, b):
 
 
 @njit(cache=True, error_model="numpy")
+def _roots_inside(c0, c1, c2, low, high):
+    """The roots q/c2 and c0/q of c0 + c1 x + c2 x^2 in rising order and cut off at the ends; without roots
+    its vertex twice.
+    """
+    c2 += 0.0  # not -0, which would put a root at the wrong infinity
+    discriminant = c1 * c1 - 4.0 * c0 * c2
+    if discriminant <= 0.0:
+        vertex = low if c2 == 0.0 else min(max(-0.5 * c1 / c2, low), high)
+        return vertex, vertex
+    q = -0.5 * (c1 + np.copysign(np.sqrt(discriminant), c1))
+    one, other = min(max(q / c2, low), high), min(max(c0 / q, low), high)
+    return min(one, other), max(one, other)
+
+
+@njit(cache=True, error_model="numpy")
 def positive_moments(c0, c1, c2, low, high):
     """Integrals of 1, x, ..., x^4 over the part of [low, high] where c0 + c1 x + c2 x^2 > 0."""
     # u lies between its Bernstein coefficients.
@@ -46,13 +70,9 @@ def positive_moments(c0, c1, c2, low, high):
         return 0.0, 0.0, 0.0, 0.0, 0.0
     if (at_low >= 0.0) & (middle >= 0.0) & (at_high >= 0.0):
         return _power_integrals(low, high)
-    # Between its roots q/c2 and c0/q, cut off at the ends, u has the sign of -c2.
-    c2 += 0.0  # not -0, which would put a root at the wrong infinity
-    discriminant, one, other = c1 * c1 - 4.0 * c0 * c2, low, low
-    if discriminant > 0.0:
-        q = -0.5 * (c1 + np.copysign(np.sqrt(discriminant), c1))
-        one, other = min(max(q / c2, low), high), min(max(c0 / q, low), high)
-    m0, m1, m2, m3, m4 = _power_integrals(min(one, other), max(one, other))
+    # Between its roots u has the sign of -c2.
+    one, other = _roots_inside(c0, c1, c2, low, high)
+    m0, m1, m2, m3, m4 = _power_integrals(one, other)
     if c2 < 0.0:
         return m0, m1, m2, m3, m4
     p0, p1, p2, p3, p4 = _power_integrals(low, high)
@@ -72,24 +92,52 @@ def clipped_integrals(c0, c1, c2, low, high, spacing):
 
 
 @njit(cache=True, error_model="numpy")
+def regularised_positive_part(u, width):
+    """r(u) and its slope."""
+    t = u / width
+    if t >= 1.0:
+        return u, 1.0
+    if t <= -1.0:
+        return 0.0, 0.0
+    t2 = t * t
+    value = 0.5 * t + _R0 + t2 * (_R2 + t2 * (_R4 + t2 * (_R6 + t2 * _R8)))
+    slope = 0.5 + t * (2.0 * _R2 + t2 * (4.0 * _R4 + t2 * (6.0 * _R6 + t2 * 8.0 * _R8)))
+    return width * value, slope
+
+
+@njit(cache=True, error_model="numpy")
 def regularised_integrals(c0, c1, c2, low, high, spacing, width):
-    """The same for (u + sqrt(u^2 + width^2)) / 2 in place of u^+, by Gauss quadrature."""
+    """The same for r(u) in place of u^+.
+
+    Between the roots of u = width and u = -width r(u) is a polynomial in x, which Gauss quadrature
+    integrates exactly, so that the integrals are as smooth as r.
+    """
+    upper_one, upper_other = _roots_inside(c0 - width, c1, c2, low, high)
+    lower_one, lower_other = _roots_inside(c0 + width, c1, c2, low, high)
+    # one pair of roots encloses the other
+    ends = (low, lower_one, upper_one, upper_other, lower_other, high)
+    if c2 >= 0.0:
+        ends = (low, upper_one, lower_one, lower_other, upper_other, high)
     half = 0.5 * spacing * spacing
     cosine, k0, k1, k2, sine, s0, s1, s2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for g in range(_GAUSS_POINTS.size):
-        x, weight = low + (high - low) * _GAUSS_POINTS[g], 0.5 * (high - low) * _GAUSS_WEIGHTS[g]
-        u = c0 + x * (c1 + x * c2)
-        root = np.sqrt(u * u + width * width)
-        value, slope = weight * (u + root), weight * (1.0 + u / root)
-        even, odd = 1.0 - half * x * x, spacing * x
-        cosine += value * even
-        sine += value * odd
-        k0 += slope * even
-        k1 += slope * even * x
-        k2 += slope * even * x * x
-        s0 += slope * odd
-        s1 += slope * odd * x
-        s2 += slope * odd * x * x
+    for piece in range(5):
+        start, length = ends[piece], ends[piece + 1] - ends[piece]
+        middle = start + 0.5 * length
+        if length == 0.0 or c0 + middle * (c1 + middle * c2) <= -width:
+            continue
+        for g in range(_GAUSS_POINTS.size):
+            x, weight = start + length * _GAUSS_POINTS[g], length * _GAUSS_WEIGHTS[g]
+            value, slope = regularised_positive_part(c0 + x * (c1 + x * c2), width)
+            value, slope = weight * value, weight * slope
+            even, odd = 1.0 - half * x * x, spacing * x
+            cosine += value * even
+            sine += value * odd
+            k0 += slope * even
+            k1 += slope * even * x
+            k2 += slope * even * x * x
+            s0 += slope * odd
+            s1 += slope * odd * x
+            s2 += slope * odd * x * x
     return cosine, k0, k1, k2, sine, s0, s1, s2
 
 
@@ -176,7 +224,7 @@ def _cut_force(scratch, k, cosine, sine, integers, scalars, wanted):
 
 
 @njit(cache=True, error_model="numpy")
-def _fill_kinds(scratch, first, last, integers):
+def _fill_kinds(scratch, first, last, integers, scalars):
     """Fill KIND of the nodes ``first`` to ``last``; zero elsewhere.
 
     u lies between its Bernstein coefficients, which are the mean of P with either neighbour and P itself.
@@ -184,15 +232,13 @@ def _fill_kinds(scratch, first, last, integers):
     kind = scratch[KIND]
     kind[:] = 0.0
     own, count = kind[first : last + 1], last - first + 1
-    if integers[CLIPPING] != GUMBEL:
-        own[:] = -1.0
-        return
+    margin = 0.0 if integers[CLIPPING] == GUMBEL else scalars[SMOOTHING]
     before, here = scratch[COEFFICIENT, first - 1 : last], scratch[COEFFICIENT, first : last + 1]
     after = scratch[COEFFICIENT, first + 1 : last + 2]
     for i in range(count):
         left, middle, right = before[i] + here[i], here[i], here[i] + after[i]
-        whole = (left >= 0.0) & (middle >= 0.0) & (right >= 0.0)
-        empty = (left <= 0.0) & (middle <= 0.0) & (right <= 0.0)
+        whole = (left >= 2.0 * margin) & (middle >= margin) & (right >= 2.0 * margin)
+        empty = (left <= -2.0 * margin) & (middle <= -margin) & (right <= -2.0 * margin)
         own[i] = 1.0 if whole else (0.0 if empty else -1.0)
 
 
@@ -237,7 +283,7 @@ def _station_force(scratch, cosine, sine, integers, scalars, wanted):
     """int u^+ (cos, sin) over theta / dtheta of the station whose P stands in ``scratch``."""
     nodes, periodic, kind = integers[NODES], integers[PERIODIC] == 1, scratch[KIND]
     first, last = (1, nodes) if periodic else (2, nodes - 1)
-    _fill_kinds(scratch, first, last, integers)
+    _fill_kinds(scratch, first, last, integers, scalars)
     x, y = 0.0, 0.0
     for k in range(first, last + 1):
         if kind[k] < 0.0:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.bifurcations.branch import ContinuationOptions
 from pipelines.bifurcations.detection import DetectionOptions
+from pipelines.bifurcations.normal_forms import NormalFormOptions
 from pipelines.case.models import PARAMETERS, Case
 from pipelines.machine import film
-from pipelines.machine.assembly import Machine, parameter_vector
+from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.floquet import BasisOptions
 from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import steppers
+from pipelines.orbits.system import DynamicalSystem
 
 Array = NDArray[np.float64]
 
@@ -24,6 +27,8 @@ ORBIT_SAMPLES = 64
 INITIAL_COLUMNS = 23  # and the parameter column: three lines of eight
 BUFFER_COLUMNS = 7
 PICARD_TOLERANCE = 1e-2  # of a predictor and a Newton update; a pass with two columns is nearly a whole one
+
+NORMAL_FORM = NormalFormOptions(difference=2.5e-4)  # stays inside the regularised clipping
 
 
 def cycle_problem(machine: Machine, case: Case, fixed: Mapping[str, float] | None = None) -> CycleProblem:
@@ -58,6 +63,25 @@ def cycle_problem(machine: Machine, case: Case, fixed: Mapping[str, float] | Non
         basis=basis,
     )
     return CycleProblem(period_map, parameters, table.parameter, options)
+
+
+def smooth_maps(case: Case, period_map: PeriodMap, widths: Sequence[float]) -> tuple[PeriodMap, ...]:
+    """The period map of a case with Guembel's clipping regularised over each of the ``widths``: the
+    ``smooth_maps`` of a CurveProblem; none when the clipping of neither bearing is Guembel's.
+    """
+    if all(bearing.clipping != "gumbel" for bearing in case.bearings):
+        return ()
+    return tuple(replace(period_map, system=_smooth_system(case, width)) for width in widths)
+
+
+def _smooth_system(case: Case, width: float) -> DynamicalSystem:
+    smooth = {"clipping": "smooth", "smoothing": width}
+    bearings = tuple(
+        bearing.model_copy(update=smooth) if bearing.clipping == "gumbel" else bearing
+        for bearing in case.bearings
+    )
+    machine = build_machine(case.model_copy(update={"bearings": bearings}))
+    return machine_system(machine, forced=not is_self_excited(case))
 
 
 def is_self_excited(case: Case) -> bool:
