@@ -1,7 +1,7 @@
 """A bifurcation point with one of two parameters held: the other one where a cycle is critical.
 
-On the surface of cycles of ``pipelines.bifurcations.surface`` with its orthonormal tangents t_1, t_2 the line of
-the held parameter runs along t, and the test function g changes there by dg t:
+On the surface of cycles of ``pipelines.bifurcations.surface`` with its orthonormal tangents t_1, t_2 the line
+of the held parameter runs along t, and the test function g changes there by dg t:
 
     t = (t_2)_held t_1 - (t_1)_held t_2,      row . u = value of the held parameter
 

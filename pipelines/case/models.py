@@ -14,6 +14,7 @@ from pydantic import ValidationInfo, field_validator
 
 from pipelines.case.bearings import Bearing, Bump, Excitation, Foil, Gas, Ring
 from pipelines.case.fields import InconsistentError, Misfit, Table, quantity, table
+from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
 from pipelines.case.settings import ContinueCycles, Criticals, Linearize, Numerics, Operation
@@ -34,6 +35,7 @@ __all__ = [
     "Material",
     "Numerics",
     "Operation",
+    "Refine",
     "Ring",
     "Rotor",
     "Support",
@@ -73,6 +75,7 @@ class Case(Table):
     linearize: Linearize = table("stage `agfb linearize`", Linearize())
     criticals: Criticals = table("stage `agfb criticals`", Criticals())
     continue_cycles: ContinueCycles = table("stage `agfb continue-cycles`", ContinueCycles())
+    refine: Refine = table("stage of the option `--refine`", Refine())
 
     @field_validator("bearings")
     @classmethod

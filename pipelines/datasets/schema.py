@@ -21,6 +21,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.models import PARAMETERS
+
 SCHEMA_VERSION = 1
 CONVENTIONS = "CF-1.11"
 
@@ -557,6 +559,63 @@ BIFURCATION_SET = GroupSpec(
     ),
 )
 
+REFINEMENT = GroupSpec(
+    "refinement",
+    "Bifurcation points recomputed on finer grids, and what they tell of the error of the stored ones",
+    (
+        _flag(
+            "source",
+            "point",
+            "groups of the case in which the stored point is: cycles/b, cycles/d, pd/c, ns/c, folds/c",
+            "cycles",
+            "doubled_cycles",
+            "period_doublings",
+            "neimark_sacker_points",
+            "folds",
+        ),
+        _count("source_number", "point", "number of the group in which the stored point is"),
+        _count("source_index", "point", "index of the event (of cycles) or of the row (of a curve)"),
+        _flag("bifurcation", "point", "bifurcation", "fold", "period_doubling", "neimark_sacker"),
+        _count("turns", "point", "excitation periods of the cycle"),
+        _real("speed", "point", "rotating speed of the stored point, dimensionless"),
+        _real("excitation_frequency", "point", "excitation frequency of the stored point, dimensionless"),
+        _real("displacement", "point", "ring displacement of the stored point over clearance"),
+        _real("foil_stiffness", "point", "foil stiffness of the stored point, dimensionless"),
+        _flag("held", "point", "parameter that all grids share", *PARAMETERS),
+        _flag("free", "point", "parameter whose value the grids tell", *PARAMETERS),
+        _real("value", "point", "stored value of the free parameter"),
+        _real(
+            "level_value", "point level", "value of the free parameter on each grid, with finer time steps"
+        ),
+        _real("level_angle", "point level", "argument of the critical multiplier on each grid", "rad"),
+        _count("level_steps", "point level", "time steps of one period on each grid"),
+        _count("level_unknowns", "level", "unknowns of each grid"),
+        _count("level_circumferential", "level", "circumferential intervals of each grid"),
+        _count("level_axial", "level", "axial unknowns of each grid"),
+        _real("observed_order", "point", "order of convergence that the first three grids show"),
+        _real("richardson", "point", "extrapolated value of the free parameter"),
+        _real("richardson_error", "point", "change of the extrapolated value by its last term"),
+        _real("error", "point", "error of the stored value: |value - richardson|, or a bound (see status)"),
+        _real("axial_error", "point", "part of the error by the axial resolution"),
+        _real("step_error", "point", "part of the error by the time steps"),
+        _flag(
+            "status",
+            "point",
+            "refined: the order is clean; bound: it is not, the error is the largest difference; "
+            "otherwise why the point could not be recomputed",
+            "refined",
+            "bound",
+            "not_converged",
+            "other_bifurcation",
+            "grid_too_large",
+            "unsupported",
+        ),
+        _count("failed_level", "point", "first grid without a value"),
+    ),
+    row="point",
+    coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
+)
+
 KINDS: Mapping[str, GroupSpec] = {
-    g.kind: g for g in (MACHINE, LINEAR, CRITICALS, CYCLES, CURVE, BIFURCATION_SET)
+    g.kind: g for g in (MACHINE, LINEAR, CRITICALS, CYCLES, CURVE, BIFURCATION_SET, REFINEMENT)
 }

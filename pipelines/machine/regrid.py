@@ -1,8 +1,8 @@
 """A state of the machine on another film grid, as a first guess there.
 
-Along theta pressures and foil displacements are cubic splines: through p = 1 on the foil edge line, without a
-known end value for the foil, and periodic for a film without an edge.  Along the axis the pressure is the even
-Chebyshev polynomial of the collocation itself, or a cubic spline through the paper's uniform stations.
+Along theta pressures and foil displacements are cubic splines: through p = 1 on the foil edge line, without
+a known end value for the foil, and periodic for a film without an edge.  Along the axis the pressure is the
+even Chebyshev polynomial of the collocation itself, or a cubic spline through the paper's uniform stations.
 """
 
 from __future__ import annotations
