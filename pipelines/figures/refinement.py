@@ -23,7 +23,7 @@ BAR: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.9, "zorder": 6}
 CROSS: dict[str, Any] = {
     "color": style.BLACK, "marker": "x", "markersize": 3.5, "markeredgewidth": 0.9, "zorder": 7,
 }  # fmt: skip
-WHISKERS: dict[str, Any] = {"elinewidth": 0.9, "capsize": 2.0, "linestyle": "none"}
+WHISKERS: dict[str, Any] = {"elinewidth": 0.9, "linestyle": "none"}
 BOUND: dict[str, Any] = BAR | {"color": style.GREY, "marker": "|", "markersize": 4.0}
 SAME = 1e-9  # relative distance of parameters that were copied from one group to another
 
