@@ -594,7 +594,7 @@ REFINEMENT = GroupSpec(
         _count("level_axial", "level", "axial unknowns of each grid"),
         _real("observed_order", "point", "order of convergence that the first three grids show"),
         _real("richardson", "point", "extrapolated value of the free parameter"),
-        _real("richardson_error", "point", "change of the extrapolated value by its last term"),
+        _real("richardson_error", "point", "uncertainty of the extrapolated value"),
         _real("error", "point", "error of the stored value: |value - richardson|, or a bound (see status)"),
         _real("axial_error", "point", "part of the error by the axial resolution"),
         _real("step_error", "point", "part of the error by the time steps"),
