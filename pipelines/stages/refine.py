@@ -46,9 +46,10 @@ def refine(case: NamedCase, store_path: Path, report: Report, should_stop: Shoul
     points = stored_points(store, case.case_id, case.case.refine.points_per_curve)
     known = _known(store, group)
     waiting = [point for point in points if point.key not in known]
-    if waiting:
+    if points:
         with _open(store, group, case.case, len(known) + len(waiting)) as branch:
-            _fill(branch, case, waiting, report, should_stop)
+            if waiting:
+                _fill(branch, case, waiting, report, should_stop)
     if not store.has_group(group):
         return StageResult(case.case_id, True, NOTHING, "continue cycles through a bifurcation first")
     return _result(case.case_id, read_group(store, group))
@@ -72,7 +73,7 @@ def _open(store: Store, group: str, case: Case, capacity: int) -> BranchWriter:
         "level_circumferential": np.array([grid.circumferential for grid in grids], dtype=np.int32),
         "level_axial": np.array([grid.axial for grid in grids], dtype=np.int32),
     }
-    sizes = {"point": capacity, "level": len(grids)}
+    sizes = {"refined": capacity, "level": len(grids)}
     attributes = {"request": request, "formal_order": FORMAL_ORDERS[case.numerics.scheme]}
     return open_branch(store, group, "refinement", sizes, static, attributes)
 

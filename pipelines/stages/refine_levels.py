@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 FORMAL_ORDERS = {"central": 2, "backward": 1}
 MORE_AXIAL = 2
 MIXED = 0.5  # part of the axial error that another grid around the bearing may change; up to 0.33 was seen
-SAME_PAIR = 0.3  # rad, by which the angle of a Neimark-Sacker point may change from one grid to another
+SAME_PAIR = 0.15  # rad, by which the angle of a Neimark-Sacker point may change from one grid to another
 
 REFINED, BOUND, NOT_CONVERGED, OTHER_BIFURCATION, GRID_TOO_LARGE, UNSUPPORTED = range(6)
 

@@ -80,7 +80,8 @@ def midpoint_error(grid: tuple[int, int], factor: tuple[int, int], **kind: str) 
 @pytest.mark.parametrize("film", ["edge", "periodic"])
 def test_the_order_around_the_bearing_is_four(film: str) -> None:
     errors = [midpoint_error((count, 4), (2, 1), film=film) for count in (128, 256)]
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
+    # near an edge, where no derivative is prescribed, the order is approached from above: 4.35, 4.23, 4.14
+    assert 3.9 < np.log2(errors[0] / errors[1]) < 4.3
     assert errors[1] < 1e-6
 
 
@@ -94,7 +95,10 @@ def test_the_order_of_the_uniform_axial_grid_is_four() -> None:
 def test_there_and_back_with_whatever_follows_the_rotor(axial_scheme: str) -> None:
     """A grid that contains the coarse one gives its values back, and states behind the rotor's are kept."""
     axial = 3 if axial_scheme == "chebyshev" else 6
-    coarse, fine = machine((24, 3), axial_scheme=axial_scheme), machine((48, axial), axial_scheme=axial_scheme)
+    coarse, fine = (
+        machine((24, 3), axial_scheme=axial_scheme),
+        machine((48, axial), axial_scheme=axial_scheme),
+    )
     state = np.append(film_state(coarse, smooth, foil_shape), [0.25, -0.5])
     state[: coarse.rotor_start] += 0.01 * np.random.default_rng(3).standard_normal(coarse.rotor_start)
     there = regrid(coarse, fine, state)
