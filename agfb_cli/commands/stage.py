@@ -104,7 +104,7 @@ def stage_command(stages: Sequence[str], afterwards: Afterwards | None = None) -
 
 def without_option(command: Callable[..., None], name: str) -> Callable[..., None]:
     """The command as one that does not have an option: it keeps its default."""
-    signature = inspect.signature(command)
+    signature = inspect.signature(command, eval_str=True)
     kept = [parameter for parameter in signature.parameters.values() if parameter.name != name]
     command.__signature__ = signature.replace(parameters=kept)  # type: ignore[attr-defined]
     return command

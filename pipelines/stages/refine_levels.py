@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from pipelines.bifurcations.curve import CurveStart
 from pipelines.bifurcations.pinned import PinnedPoint, pinned_point
@@ -79,7 +78,7 @@ def build_level(case: Case, grid: Grid) -> Level:
     }
     try:
         finer = Case.model_validate(plain)
-    except ValidationError:
+    except ValueError:  # what a configuration may not have
         return Level(grid, None, None)
     machine = build_machine(finer)
     return Level(grid, machine, cycle_problem(machine, finer))
