@@ -101,7 +101,7 @@ def legend_handles(bars: Sequence[ErrorBar]) -> list[Line2D]:
 
 def draw_bar(axes: Axes, bar: ErrorBar, other: float, along_x: bool) -> None:
     """Draw a bar along one axis, at the value ``other`` of the other axis."""
-    look = BOUND if bar.is_bound else BAR
+    look = BOUND | {"marker": "|" if along_x else "_"} if bar.is_bound else BAR
     axes.plot(*((bar.ends, (other, other)) if along_x else ((other, other), bar.ends)), **look)
     if bar.is_bound:
         return
