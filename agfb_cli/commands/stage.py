@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pipelines.stages.results import StageResult
 
 SECONDS_BEFORE_ANNOUNCEMENT = 2.0
-REFINABLE = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds"})
+REFINABLE = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds", "bifurcation_set"})
 """Stages that locate bifurcations: their commands have the option `--refine`."""
 Afterwards = Callable[[Path, str | None, Console], list[Path]]
 

@@ -42,6 +42,8 @@ from pipelines.orbits.shooting import (
     reference_of,
 )
 
+_STARTED = 1e-4  # arclength within which a resonance found again is the one that the curve starts from
+
 
 def continue_curve(
     problem: CurveProblem,
@@ -246,6 +248,8 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
             unlocated.append(special)
             continue
         point, there = located
+        if point is not None and _is_where_it_starts(point, segment, state):
+            continue
         if point is not None:
             specials.append(point)
         if resonant_end(segment.problem.kind, there.point.kappa) is special and point is not None:
@@ -253,6 +257,12 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
     kept = tuple(sorted((p for p in specials if p.fraction <= limit), key=lambda point: point.fraction))
     end = replace(end, point=replace(end.point, unlocated=tuple(unlocated)))
     return _Step(end, segment.metric.norm(end.position.minus(segment.start)), kept)
+
+
+def _is_where_it_starts(point: SpecialPoint, segment: CurveSegment, state: CurveState) -> bool:
+    """Whether a resonance is the one that the curve was started from, found again with other time steps."""
+    resonance = point.kind in (SpecialKind.R1, SpecialKind.R2)
+    return resonance and state.index == 0 and point.fraction * segment.length < _STARTED
 
 
 def _brackets(segment: CurveSegment, state: CurveState) -> list[tuple[SpecialKind, dict[float, float]]]:

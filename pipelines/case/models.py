@@ -13,6 +13,7 @@ from typing import Any
 from pydantic import ValidationInfo, field_validator
 
 from pipelines.case.bearings import Bearing, Bump, Excitation, Foil, Gas, Ring
+from pipelines.case.curve_settings import BifurcationSet, TrackCurves
 from pipelines.case.fields import InconsistentError, Misfit, Table, quantity, table
 from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Material, Rotor, Support, off_shaft
@@ -22,6 +23,7 @@ from pipelines.case.settings import ContinueCycles, Criticals, Linearize, Numeri
 __all__ = [
     "PARAMETERS",
     "Bearing",
+    "BifurcationSet",
     "Bump",
     "Case",
     "ContinueCycles",
@@ -39,6 +41,7 @@ __all__ = [
     "Ring",
     "Rotor",
     "Support",
+    "TrackCurves",
 ]
 
 PARAMETERS = ("speed", "excitation_frequency", "displacement", "foil_stiffness")
@@ -75,6 +78,8 @@ class Case(Table):
     linearize: Linearize = table("stage `agfb linearize`", Linearize())
     criticals: Criticals = table("stage `agfb criticals`", Criticals())
     continue_cycles: ContinueCycles = table("stage `agfb continue-cycles`", ContinueCycles())
+    track_curves: TrackCurves = table("stages `agfb track-pd`, `track-ns`, `track-folds`", TrackCurves())
+    bifurcation_set: BifurcationSet = table("search of `agfb run` for the whole set", BifurcationSet())
     refine: Refine = table("stage of the option `--refine`", Refine())
 
     @field_validator("bearings")

@@ -1,8 +1,8 @@
 """What a store holds: every array of every kind of group, as data.
 
-A store is a tree of Zarr v3 groups. Each group has a *kind* (machine, linear, criticals, cycles, curve, ...) and a kind
-is a table of arrays: name, dimensions, units, meaning. Writers, readers and the integrity check all work from
-these tables.
+A store is a tree of Zarr v3 groups. Each group has a *kind* (machine, linear, criticals, cycles, curve, ...)
+and a kind is a table of arrays: name, dimensions, units, meaning. Writers, readers and the integrity check
+all work from these tables.
 
 Dimensions play four roles. Arrays whose first dimension is the kind's ``row`` dimension grow point by point;
 those along ``event`` grow with the located bifurcations; those along ``slot`` have two slots written
@@ -461,7 +461,7 @@ CURVE = GroupSpec(
         _real(
             "special_tests",
             "point special",
-            "test functions of the special points, in the order of event_kind",
+            "test functions of the special points, ordered as event_kind",
         ),
         _complex("multipliers", "point multiplier", "slow Floquet multipliers, largest first", padded=True),
         _real("multiplier_residual", "point multiplier", "norm of M v - mu v for unit v", padded=True),
@@ -470,7 +470,7 @@ CURVE = GroupSpec(
         _complex(
             "normal_form",
             "point",
-            "critical coefficient of the stroboscopic map: a (fold), b (period doubling) or d (Neimark-Sacker)",
+            "critical coefficient of the stroboscopic map: a (fold), b (period doubling), d (Neimark-Sacker)",
         ),
         _real("normal_form_error", "point", "estimated error of the critical coefficient"),
         _flag(

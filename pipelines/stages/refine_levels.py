@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from pipelines.bifurcations.curve import CurveStart
 from pipelines.bifurcations.pinned import PinnedPoint, pinned_point
 from pipelines.bifurcations.plane import CurveProblem, metric_of
-from pipelines.bifurcations.switching import doubled_map
 from pipelines.case.models import PARAMETERS, Case
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.machine.regrid import regrid
 from pipelines.orbits.shooting import CycleProblem
+from pipelines.stages.branch_run import turned
 from pipelines.stages.cycle_problem import cycle_problem
 from pipelines.stages.extrapolation import Extrapolation, extrapolate
 from pipelines.stages.refine_points import StoredPoint
@@ -139,9 +139,7 @@ def _on_level(near: Machine, point: StoredPoint, level: Level, steps: int | None
     names = (point.held, point.free)
     held, free = (float(point.parameters[PARAMETERS.index(name)]) for name in names)
     try:
-        period_map = level.problem.period_map
-        for _ in range(point.turns.bit_length() - 1):
-            period_map = doubled_map(period_map)
+        period_map = turned(level.problem, point.turns).period_map
         problem = CurveProblem(period_map, point.kind, point.parameters, names, level.problem.options)
         state = regrid(near, level.machine, point.state)
     except ValueError as error:

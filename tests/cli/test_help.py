@@ -112,7 +112,7 @@ def test_computing_commands_share_their_options() -> None:
 
 def test_commands_that_locate_bifurcations_can_refine_them() -> None:
     refining = {command for command in COMMANDS if "--refine" in options_of(command)}
-    assert refining == {"continue-cycles", "continue", "run"}
+    assert refining == {"continue-cycles", "continue", "track-pd", "track-ns", "track-folds", "run"}
 
 
 def test_the_readme_lists_every_exit_code() -> None:
