@@ -200,6 +200,18 @@ def test_the_family_of_grids() -> None:
     assert [g.circumferential for g in grid_family(close)] == [8, 9, 10, 8]
 
 
+def test_cycles_of_more_excitation_periods(traced: Path) -> None:
+    """A simple cycle is one of two periods too, with the squares of its multipliers: twice the angle."""
+    case = tiny_case(*CHEAP).case
+    source, level, point = build_machine(case), build_level(case, Grid(16, 1)), points_of(traced)[0]
+    assert point.angle is not None
+    angle = abs(2.0 * point.angle - 2.0 * np.pi)
+    twice = replace(point, turns=2, period=2.0 * point.period, steps=2 * point.steps, angle=angle)
+    once, found = (refine_point(source, [level], one) for one in (point, twice))
+    assert found.values[0] == pytest.approx(once.values[0], abs=1e-8)
+    assert found.angles[0] == pytest.approx(abs(2.0 * once.angles[0] - 2.0 * np.pi), abs=1e-7)
+
+
 def test_failures_are_results_with_reasons(refined: Path) -> None:
     """Each way to fail, on the first of two levels; the values found before it are kept."""
     case = tiny_case(*CHEAP).case
