@@ -30,6 +30,12 @@ DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be compu
 Force = Annotated[
     bool, typer.Option("--force", help="Start afresh: an existing store is moved aside, never deleted.")
 ]
+Refine = Annotated[
+    bool,
+    typer.Option(
+        "--refine", help="Afterwards recompute located bifurcations on finer grids and estimate their errors."
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Errors and results only.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="More details on stderr.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Results on stdout as JSON.")]

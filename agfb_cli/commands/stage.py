@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -24,6 +25,7 @@ from agfb_cli.options import (
     Force,
     Output,
     Quiet,
+    Refine,
     Traceback,
     Verbose,
 )
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
     from pipelines.stages.results import StageResult
 
 SECONDS_BEFORE_ANNOUNCEMENT = 2.0
+REFINABLE = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds", "bifurcation_set"})
+"""Stages that locate bifurcations: their commands have the option `--refine`."""
 Afterwards = Callable[[Path, str | None, Console], list[Path]]
 
 
@@ -68,7 +72,10 @@ class Outcome:
 
 
 def stage_command(stages: Sequence[str], afterwards: Afterwards | None = None) -> Callable[..., None]:
-    """Make the command that runs `stages` in order on every case, then `afterwards` on their store."""
+    """Make the command that runs `stages` in order on every case, then `afterwards` on their store.
+
+    With `--refine`, which only commands with one of the stages `REFINABLE` have, the stage `refine` follows.
+    """
 
     def command(
         config: Config,
@@ -77,6 +84,7 @@ def stage_command(stages: Sequence[str], afterwards: Afterwards | None = None) -
         case: CasePattern = None,
         dry_run: DryRun = False,
         force: Force = False,
+        refine: Refine = False,
         quiet: Quiet = False,
         verbose: Verbose = False,
         json: AsJson = False,
@@ -86,11 +94,19 @@ def stage_command(stages: Sequence[str], afterwards: Afterwards | None = None) -
         with explained(console):
             store = output or default_store(config)
             request = Request(config, store, tuple(assignments or ()), case, dry_run, force)
-            outcome = execute(stages, request, console)
+            outcome = execute((*stages, "refine") if refine else stages, request, console)
             if not dry_run:
                 close(outcome, request, afterwards, console)
             raise typer.Exit(outcome.exit_code())
 
+    return command if REFINABLE & set(stages) else without_option(command, "refine")
+
+
+def without_option(command: Callable[..., None], name: str) -> Callable[..., None]:
+    """The command as one that does not have an option: it keeps its default."""
+    signature = inspect.signature(command, eval_str=True)
+    kept = [parameter for parameter in signature.parameters.values() if parameter.name != name]
+    command.__signature__ = signature.replace(parameters=kept)  # type: ignore[attr-defined]
     return command
 
 

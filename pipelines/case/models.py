@@ -15,6 +15,7 @@ from pydantic import ValidationInfo, field_validator
 from pipelines.case.bearings import Bearing, Bump, Excitation, Foil, Gas, Ring
 from pipelines.case.curve_settings import BifurcationSet, TrackCurves
 from pipelines.case.fields import InconsistentError, Misfit, Table, quantity, table
+from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
 from pipelines.case.settings import ContinueCycles, Criticals, Linearize, Numerics, Operation
@@ -36,6 +37,7 @@ __all__ = [
     "Material",
     "Numerics",
     "Operation",
+    "Refine",
     "Ring",
     "Rotor",
     "Support",
@@ -78,6 +80,7 @@ class Case(Table):
     continue_cycles: ContinueCycles = table("stage `agfb continue-cycles`", ContinueCycles())
     track_curves: TrackCurves = table("stages `agfb track-pd`, `track-ns`, `track-folds`", TrackCurves())
     bifurcation_set: BifurcationSet = table("search of `agfb run` for the whole set", BifurcationSet())
+    refine: Refine = table("stage of the option `--refine`", Refine())
 
     @field_validator("bearings")
     @classmethod

@@ -21,6 +21,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.models import PARAMETERS
+
 SCHEMA_VERSION = 1
 CONVENTIONS = "CF-1.11"
 
@@ -562,6 +564,63 @@ BIFURCATION_SET = GroupSpec(
     ),
 )
 
+REFINEMENT = GroupSpec(
+    "refinement",
+    "Bifurcation points recomputed on finer grids, and what they tell of the error of the stored ones",
+    (
+        _flag(
+            "source",
+            "refined",
+            "groups of the case in which the stored point is: cycles/b, cycles/d, pd/c, ns/c, folds/c",
+            "cycles",
+            "doubled_cycles",
+            "period_doublings",
+            "neimark_sacker_points",
+            "folds",
+        ),
+        _count("source_number", "refined", "number of the group in which the stored point is"),
+        _count("source_index", "refined", "index of the event (of cycles) or of the row (of a curve)"),
+        _flag("bifurcation", "refined", "bifurcation", "fold", "period_doubling", "neimark_sacker"),
+        _count("turns", "refined", "excitation periods of the cycle"),
+        _real("speed", "refined", "rotating speed of the stored point, dimensionless"),
+        _real("excitation_frequency", "refined", "excitation frequency of the stored point, dimensionless"),
+        _real("displacement", "refined", "ring displacement of the stored point over clearance"),
+        _real("foil_stiffness", "refined", "foil stiffness of the stored point, dimensionless"),
+        _flag("held", "refined", "parameter that all grids share", *PARAMETERS),
+        _flag("free", "refined", "parameter whose value the grids tell", *PARAMETERS),
+        _real("value", "refined", "stored value of the free parameter"),
+        _real(
+            "level_value", "refined level", "value of the free parameter on each grid, with finer time steps"
+        ),
+        _real("level_angle", "refined level", "argument of the critical multiplier on each grid", "rad"),
+        _count("level_steps", "refined level", "time steps of one period on each grid"),
+        _count("level_unknowns", "level", "unknowns of each grid"),
+        _count("level_circumferential", "level", "circumferential intervals of each grid"),
+        _count("level_axial", "level", "axial unknowns of each grid"),
+        _real("observed_order", "refined", "order of convergence that the first three grids show"),
+        _real("richardson", "refined", "extrapolated value of the free parameter"),
+        _real("richardson_error", "refined", "uncertainty of the extrapolated value"),
+        _real("error", "refined", "error of the stored value: |value - richardson|, or a bound (see status)"),
+        _real("axial_error", "refined", "part of the error by the axial resolution"),
+        _real("step_error", "refined", "part of the error by the time steps"),
+        _flag(
+            "status",
+            "refined",
+            "refined: the order is clean; bound: it is not, the error is the largest difference; "
+            "otherwise why the point could not be recomputed",
+            "refined",
+            "bound",
+            "not_converged",
+            "other_bifurcation",
+            "grid_too_large",
+            "unsupported",
+        ),
+        _count("failed_level", "refined", "first grid without a value"),
+    ),
+    row="refined",
+    coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
+)
+
 KINDS: Mapping[str, GroupSpec] = {
-    g.kind: g for g in (MACHINE, LINEAR, CRITICALS, CYCLES, CURVE, BIFURCATION_SET)
+    g.kind: g for g in (MACHINE, LINEAR, CRITICALS, CYCLES, CURVE, BIFURCATION_SET, REFINEMENT)
 }

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, add_right, limits
 from pipelines.figures.contents import CaseView, Table, stable_points
+from pipelines.figures.refinement import draw_bar, event_bars, legend_handles
 
 
 @dataclass(frozen=True)
@@ -110,8 +111,12 @@ def event_looks(branch: Table) -> list[dict[str, Any]]:
 
 
 @style.in_style
-def draw_bifurcation_diagram(case: CaseView, parameter: str, branches: Sequence[Table]) -> Figure:
-    """Envelope of the vertical and horizontal journal motion and its largest eccentricity."""
+def draw_bifurcation_diagram(
+    case: CaseView, parameter: str, branches: Sequence[Table], refinement: Table | None = None
+) -> Figure:
+    """Envelope of the vertical and horizontal journal motion and its largest eccentricity; bifurcations that
+    are in the group ``refinement`` with the errors of their parameter.
+    """
     figure = style.new_figure(7.4)
     panels = figure.subplots(3, 1, sharex=True)
     quantities = (envelope(1), envelope(0), largest_eccentricity)
@@ -124,6 +129,9 @@ def draw_bifurcation_diagram(case: CaseView, parameter: str, branches: Sequence[
             for bearing in range(case.bearings)
             for values in _draw_curve(axes, branch, parameter, quantity(case, branch, bearing), bearing)
         ]
+        for branch in branches:
+            for bearing in range(case.bearings):
+                _draw_errors(axes, branch, parameter, quantity(case, branch, bearing), refinement)
         axes.set_ylim(*limits(np.concatenate(drawn), 0.08))
         axes.set_ylabel(label)
         add_right(axes, case.scales.micrometres, twin)
@@ -131,7 +139,10 @@ def draw_bifurcation_diagram(case: CaseView, parameter: str, branches: Sequence[
     add_parameter_axis(panels[0], parameter, case.scales, bottom=False)
     add_parameter_axis(panels[-1], parameter, case.scales, top=False)
     kinds = {kind for branch in branches for kind in event_names(branch)}
-    style.legend_below(figure, _legend(case.bearings, kinds), 4)
+    bars = [
+        bar for branch in branches for bar in event_bars(refinement, branch, parameter) if bar is not None
+    ]
+    style.legend_below(figure, _legend(case.bearings, kinds) + legend_handles(bars), 4)
     title = f"{case.name}: limit cycles along the {PARAMETER_AXES[parameter].title}{_progress(branches)}"
     return style.finish(figure, title, case.note)
 
@@ -170,6 +181,17 @@ def _draw_curve(
         for row, look_of_event in zip(curve.event_rows, event_looks(branch), strict=True):
             axes.plot(curve.parameter[row], column[row], zorder=5, **look_of_event)
     return list(curve.values.T)
+
+
+def _draw_errors(
+    axes: Axes, branch: Table, parameter: str, values: NDArray[np.float64], refinement: Table | None
+) -> None:
+    """The error of every bifurcation in the parameter, beside its mark."""
+    curve = thread_events(branch, parameter, values)
+    for row, bar in zip(curve.event_rows, event_bars(refinement, branch, parameter), strict=True):
+        if bar is not None:
+            for height in curve.values[row]:
+                draw_bar(axes, bar, float(height), along_x=True)
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -39,6 +39,7 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "film": "cycles",
     }
 )
+REFINEMENT = "refinement"  # the group of the errors, which other figures show
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def _plans(
         tell(f"{case} is left out: {error.message}")
         damaged.append(error)
         return []
-    wanted = [name for name in groups if _kind(name) in {FIGURE_KINDS[k] for k in kinds}]
+    wanted = [name for name in groups if _kind(name) in {REFINEMENT, *(FIGURE_KINDS[k] for k in kinds)}]
     tables = {}
     for name in wanted:
         try:
@@ -128,7 +129,8 @@ def _plans(
         tell(f"{case}: {kind} is left out: the store has no group {FIGURE_KINDS[kind]!r} for this case")
     plans = [plan for name, table in tables.items() for plan in _single_plans(view, _kind(name), table)]
     branches = {name.rsplit("/", 1)[1]: table for name, table in tables.items() if _kind(name) == "cycles"}
-    plans += [*_bifurcation_plans(view, branches), *_branch_plans(view, branches)]
+    refinement = tables.get(f"cases/{case}/refinement")
+    plans += [*_bifurcation_plans(view, branches, refinement), *_branch_plans(view, branches)]
     order = list(FIGURE_KINDS)
     return sorted((plan for plan in plans if plan.kind in kinds), key=lambda plan: order.index(plan.kind))
 
@@ -179,13 +181,14 @@ def _single_plans(view: CaseView, kind: str, table: Table) -> list[Plan]:
     return []
 
 
-def _bifurcation_plans(view: CaseView, branches: Mapping[str, Table]) -> list[Plan]:
+def _bifurcation_plans(view: CaseView, branches: Mapping[str, Table], refinement: Table | None) -> list[Plan]:
     """One diagram for all branches along the same parameter."""
     plans = []
     for parameter in PARAMETER_AXES:
         along = [branch for branch in branches.values() if branch.attributes.get("parameter") == parameter]
         started = [branch for branch in along if len(branch["speed"])]
-        draw = partial(draw_bifurcation_diagram, view, parameter, started) if started else _nothing_yet(view)
+        diagram = partial(draw_bifurcation_diagram, view, parameter, started, refinement)
+        draw = diagram if started else _nothing_yet(view)
         if along:
             plans.append(Plan("bifurcation", f"bifurcation-{parameter}", draw))
     return plans

@@ -25,6 +25,7 @@ STAGES = (
     "track_ns",
     "track_folds",
     "bifurcation_set",
+    "refine",
 )
 
 

@@ -42,6 +42,16 @@ def test_each_command_runs_its_stage(program: Program, smoke: Path, command: str
     assert program.computed == [(stage, "smoke")]
 
 
+def test_a_refinement_follows_the_stages_of_all_cases(program: Program, three: Path) -> None:
+    assert program("continue", "three.toml", "--refine").exit_code == ExitCode.DONE
+    assert [stage for stage, _ in program.computed] == ["continue_cycles"] * 3 + ["refine"] * 3
+    planned = program("run", "three.toml", "--refine", "--dry-run")
+    assert planned.stdout.count(", refine") == 3
+    refused = program("linearize", "three.toml", "--refine")
+    assert refused.exit_code == ExitCode.USAGE
+    assert len(program.computed) == 6
+
+
 def test_results_as_json(program: Program, smoke: Path) -> None:
     done = program("linearize", "smoke.toml", "--json", "-o", "a.zarr")
     (result,) = json.loads(done.stdout)["results"]

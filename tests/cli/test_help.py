@@ -107,7 +107,12 @@ def test_every_command_of_the_readme_exists() -> None:
 
 
 def test_computing_commands_share_their_options() -> None:
-    assert len({frozenset(options_of(command)) for command in COMPUTING}) == 1
+    assert len({frozenset(options_of(command) - {"--refine"}) for command in COMPUTING}) == 1
+
+
+def test_commands_that_locate_bifurcations_can_refine_them() -> None:
+    refining = {command for command in COMMANDS if "--refine" in options_of(command)}
+    assert refining == {"continue-cycles", "continue", "track-pd", "track-ns", "track-folds", "run"}
 
 
 def test_the_readme_lists_every_exit_code() -> None:
