@@ -46,14 +46,15 @@ class NormalFormOptions:
 class NormalForm:
     """a (its sign is that of q), b or d, which is complex.
 
-    ``error``: estimate of all errors; ``noise``: the part of it that the differences leave.  The rest is the
-    distance between regularisations of the map (``pipelines.bifurcations.regularised``), which changes
-    slowly along a curve.
+    ``error``: estimate of all errors, ``real_error`` of those of the real part, on which the type depends;
+    ``noise``: the part that the differences leave.  The rest is the distance between regularisations of the
+    map (``pipelines.bifurcations.regularised``), which changes slowly along a curve.
     """
 
     kind: EventKind
     coefficient: complex
     error: float
+    real_error: float
     noise: float
 
     @property
@@ -66,7 +67,7 @@ class NormalForm:
     @property
     def decided(self) -> bool:
         """Whether the sign of b or Re d is beyond the error."""
-        return abs(self.coefficient.real) > self.error
+        return abs(self.coefficient.real) > self.real_error
 
 
 def normal_form(
@@ -91,7 +92,7 @@ def normal_form(
         return None
     fine, coarse = complex(values[0]), complex(values[1])
     noise = abs(fine - coarse)
-    return NormalForm(kind, fine, noise, noise)
+    return NormalForm(kind, fine, noise, noise, noise)
 
 
 def _fold(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:

@@ -19,7 +19,7 @@ from pipelines.bifurcations.critical import Frame, critical_derivatives, critica
 from pipelines.bifurcations.criticality import critical_of
 from pipelines.bifurcations.curve import CurveStart
 from pipelines.bifurcations.curve_corrector import correct_critical
-from pipelines.bifurcations.curve_opening import needed_steps_at
+from pipelines.bifurcations.curve_opening import demand_of
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.frames import first_frame, vectors_of
 from pipelines.bifurcations.plane import CurveProblem, MapAt, PlaneMetric, Position
@@ -79,7 +79,7 @@ def _pinned(
     for _ in range(2):
         if isinstance(found, NotPinned) or not chosen:
             break
-        needed = needed_steps_at(problem, found, steps)
+        needed = demand_of(problem, found, steps).steps
         if needed <= steps:
             break
         steps = problem.period_map.rounded_steps(STEP_GROWTH * needed)

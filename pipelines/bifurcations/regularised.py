@@ -42,8 +42,12 @@ def stored_form(
         if form is None:
             return None
         forms.append(form)
-    spread = max(abs(form.coefficient - forms[0].coefficient) for form in forms)
-    return replace(forms[0], error=forms[0].noise + spread)
+    apart = [form.coefficient - forms[0].coefficient for form in forms]
+    return replace(
+        forms[0],
+        error=forms[0].noise + max(abs(distance) for distance in apart),
+        real_error=forms[0].noise + max(abs(distance.real) for distance in apart),
+    )
 
 
 def _smooth_form(

@@ -51,6 +51,21 @@ class TrackCurves(Table):
         "whether sub- and supercritical are told apart by the normal form at every point", True
     )
 
+    normal_form_widths: tuple[Number, ...] = table(
+        "half widths, as parts of ambient pressure, over which `gumbel` clipping is smoothed for the normal "
+        "forms: the first gives the coefficient, others its error; without any the clipped equations are used",
+        (0.005, 0.01),
+        unit="1",
+        max_length=5,
+    )
+
+    @field_validator("normal_form_widths")
+    @classmethod
+    def _positive_widths(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        if any(not 0.0 < width <= 1.0 for width in value):
+            raise InconsistentError("must lie in 0 < width <= 1, in parts of ambient pressure")
+        return value
+
     @field_validator("parameters")
     @classmethod
     def _two(cls, value: tuple[str, str]) -> tuple[str, str]:

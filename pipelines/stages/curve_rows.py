@@ -124,9 +124,9 @@ def point_row(point: CurvePoint, state: CurveState, shape: CycleShape, autonomou
 
 
 def _criticality(point: CurvePoint) -> int:
-    """Flag of the type; unset for a fold, without a coefficient, and where its error exceeds its size."""
+    """Flag of the type; unset for a fold, without a coefficient, and where its sign is not certain."""
     form = point.normal_form
-    if form is None or point.kind is EventKind.FOLD or not form.error < abs(form.coefficient.real):
+    if form is None or point.kind is EventKind.FOLD or not form.decided:
         return -1
     name = "supercritical" if form.supercritical else "subcritical"
     return KINDS["curve"].array("criticality").flag(name)

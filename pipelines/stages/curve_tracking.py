@@ -25,7 +25,6 @@ from pipelines.bifurcations.curve import (
 )
 from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.detection import EventKind
-from pipelines.bifurcations.normal_forms import NormalFormOptions
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import curve_from_event, joined_curve
 from pipelines.case.models import PARAMETERS
@@ -45,7 +44,7 @@ from pipelines.stages.curve_rows import (
     stored_special,
     traced,
 )
-from pipelines.stages.cycle_problem import cycle_problem
+from pipelines.stages.cycle_problem import NORMAL_FORM, cycle_problem, smooth_maps
 from pipelines.stages.cycle_rows import EVENT_NAMES, coordinates, stored_event
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.results import Report, ShouldStop, StageResult
@@ -266,9 +265,14 @@ def _is_complete(curve: BranchWriter, max_points: int) -> bool:
 
 
 def _follow(job: Job, start: Start, group: str, curve: BranchWriter, direction: int) -> None:
-    thinnest = job.case.case.continue_cycles.minimum_film
-    recorder = CurveRecorder(job.machine, start.problem, curve, thinnest, _teller(job, start, group))
-    newest, names = curve.resume_row(), start.problem.names
+    case = job.case.case
+    problem = start.problem
+    if case.track_curves.normal_forms:
+        smooth = smooth_maps(case, problem.period_map, case.track_curves.normal_form_widths)
+        problem = replace(problem, smooth_maps=smooth)
+    thinnest = case.continue_cycles.minimum_film
+    recorder = CurveRecorder(job.machine, problem, curve, thinnest, _teller(job, start, group))
+    newest, names = curve.resume_row(), problem.names
     begin: CurveStart | CurveState = start.guess
     if newest is not None:
         first = job.read(group, ("state", "period", *names)).arrays
@@ -276,7 +280,7 @@ def _follow(job: Job, start: Start, group: str, curve: BranchWriter, direction: 
     else:
         job.tell(0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}")
     options = curve_options(job, direction)
-    result = continue_curve(start.problem, begin, options, recorder.record, recorder.limit, job.should_stop)
+    result = continue_curve(problem, begin, options, recorder.record, recorder.limit, job.should_stop)
     _end(curve, result)
 
 
@@ -291,7 +295,7 @@ def curve_options(job: Job, direction: int) -> CurveOptions:
         maximum_step=table.maximum_step,
         max_points=table.max_points,
         parameter_scales=parameter_scales(job),
-        normal_form=NormalFormOptions() if table.normal_forms else None,
+        normal_form=NORMAL_FORM if table.normal_forms else None,
     )
 
 

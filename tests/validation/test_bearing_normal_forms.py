@@ -33,7 +33,7 @@ def first_point(one: Case, kind: EventKind, angle: float, widths: tuple[float, .
     cycles = cycle_problem(machine, one)
     found = resting_start(machine, cycles)
     assert isinstance(found, FirstCycle), found.reason
-    smooth = smooth_maps(one, cycles, widths) if widths else ()
+    smooth = smooth_maps(one, cycles.period_map, widths) if widths else ()
     problem = CurveProblem(
         cycles.period_map, kind, cycles.parameters, NAMES, cycles.options, smooth_maps=smooth
     )
@@ -103,7 +103,7 @@ def test_only_gumbel_clipping_is_regularised() -> None:
         bearing = {**BEARING, "clipping": clipping}
         one = case((8, 1), bearings=(bearing, bearing), numerics={"steps_per_period": 48})
         problem = cycle_problem(build_machine(one), one)
-        maps = smooth_maps(one, problem)
+        maps = smooth_maps(one, problem.period_map, one.track_curves.normal_form_widths)
         assert len(maps) == count
         assert all(smooth.steps_per_period == 48 for smooth in maps)
 
@@ -115,7 +115,7 @@ def test_a_bearing_without_clipping_keeps_its_force() -> None:
     full = {**BEARING, "clipping": "full"}
     one, clipped = case((8, 1), bearings=(BEARING, full)), case((8, 1))
     problem = cycle_problem(build_machine(one), one)
-    (smooth,) = smooth_maps(one, problem, (0.01,))
+    (smooth,) = smooth_maps(one, problem.period_map, (0.01,))
     maps = (problem.period_map, smooth, cycle_problem(build_machine(clipped), clipped).period_map)
     state = np.full(smooth.size, 0.9)
     own, regularised, both = (each.system.rates_at(0.0, state, problem.parameters) for each in maps)
