@@ -53,7 +53,7 @@ class TrackCurves(Table):
 
     normal_form_widths: tuple[Number, ...] = table(
         "half widths, as parts of ambient pressure, over which `gumbel` clipping is smoothed for the normal "
-        "forms: the first gives the coefficient, others its error; without any the clipped equations are used",
+        "forms: the first gives the coefficient, others its error; with none the clipped equations are used",
         (0.005, 0.01),
         unit="1",
         max_length=5,
