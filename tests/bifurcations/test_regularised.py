@@ -51,7 +51,7 @@ def test_the_error_holds_what_the_width_leaves() -> None:
     assert abs(both.coefficient - exact.coefficient) <= both.error
     assert both.decided
     assert both.supercritical
-    assert not replace(both, error=2.0 * both.coefficient.real).decided
+    assert not replace(both, real_error=2.0 * both.coefficient.real).decided
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,14 @@ from pipelines.datasets.store import CorruptedError
 from pipelines.stages.results import StageResult
 from tests.cli.conftest import Program, succeed
 
+CHAIN = ("linearize", "criticals", "continue_cycles", "bifurcation_set")
+
 
 def test_the_chain_runs_every_stage_on_every_case(program: Program, three: Path) -> None:
     done = program("run", "three.toml")
     assert done.exit_code == ExitCode.DONE
     stages = [stage for stage, _ in program.computed]
-    assert stages == ["linearize"] * 3 + ["criticals"] * 3 + ["continue_cycles"] * 3
+    assert stages == [stage for stage in CHAIN for _ in range(3)]
     assert len({case for _, case in program.computed}) == 3
     assert "instability speed 1.0778" in done.stdout
     assert "results are in build/three.zarr" in done.stderr
@@ -40,6 +42,12 @@ def test_the_chain_runs_every_stage_on_every_case(program: Program, three: Path)
 def test_each_command_runs_its_stage(program: Program, smoke: Path, command: str, stage: str) -> None:
     assert program(command, "smoke.toml").exit_code == ExitCode.DONE
     assert program.computed == [(stage, "smoke")]
+
+
+@pytest.mark.parametrize("kind", ["pd", "ns", "folds"])
+def test_curves_follow_the_branch_that_they_start_from(program: Program, smoke: Path, kind: str) -> None:
+    assert program(f"track-{kind}", "smoke.toml").exit_code == ExitCode.DONE
+    assert program.computed == [("continue_cycles", "smoke"), (f"track_{kind}", "smoke")]
 
 
 def test_a_refinement_follows_the_stages_of_all_cases(program: Program, three: Path) -> None:
@@ -61,11 +69,7 @@ def test_results_as_json(program: Program, smoke: Path) -> None:
 
 def test_the_chain_prints_one_json_document(program: Program, smoke: Path) -> None:
     document = json.loads(program("run", "smoke.toml", "--json").stdout)
-    assert [result["stage"] for result in document["results"]] == [
-        "linearize",
-        "criticals",
-        "continue_cycles",
-    ]
+    assert tuple(result["stage"] for result in document["results"]) == CHAIN
     # The stages of this test write nothing: the machine is all that can be drawn.
     assert document["figures"] == ["build/smoke-figures/smoke/machine.png"]
 
