@@ -264,9 +264,12 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
 
 
 def _is_where_it_starts(point: SpecialPoint, segment: CurveSegment, state: CurveState) -> bool:
-    """Whether a resonance is the one that the curve was started from, found again with other time steps."""
-    resonance = point.kind in (SpecialKind.R1, SpecialKind.R2)
-    return resonance and state.index == 0 and point.fraction * segment.length < _STARTED
+    """Whether a resonance is the one that the curve was started from, found again with other time steps.
+
+    The test of a generalised flip vanishes at R2 too.
+    """
+    at_resonance = point.kind in (SpecialKind.R1, SpecialKind.R2, SpecialKind.GENERALISED_FLIP)
+    return at_resonance and state.index == 0 and point.fraction * segment.length < _STARTED
 
 
 def _brackets(segment: CurveSegment, state: CurveState) -> list[tuple[SpecialKind, dict[float, float]]]:
