@@ -17,6 +17,7 @@ from pipelines.case.fields import InconsistentError, Misfit, Table, quantity, ta
 from pipelines.case.rotor import Disc, Element, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
 from pipelines.case.settings import ContinueCycles, Criticals, Linearize, Numerics, Operation
+from pipelines.case.transient_settings import Transient, Unbalance, transient_fits, unbalance_on_shaft
 
 __all__ = [
     "PARAMETERS",
@@ -37,6 +38,8 @@ __all__ = [
     "Ring",
     "Rotor",
     "Support",
+    "Transient",
+    "Unbalance",
 ]
 
 PARAMETERS = ("speed", "excitation_frequency", "displacement", "foil_stiffness")
@@ -73,6 +76,11 @@ class Case(Table):
     linearize: Linearize = table("stage `agfb linearize`", Linearize())
     criticals: Criticals = table("stage `agfb criticals`", Criticals())
     continue_cycles: ContinueCycles = table("stage `agfb continue-cycles`", ContinueCycles())
+    unbalance: Unbalance | None = table("the rotor's unbalance, for `agfb transient`", None)
+    transient: Transient = table("stage `agfb transient`", Transient())
+
+    _unbalance = field_validator("unbalance")(unbalance_on_shaft)
+    _transient = field_validator("transient")(transient_fits)
 
     @field_validator("bearings")
     @classmethod

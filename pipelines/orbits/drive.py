@@ -140,4 +140,3 @@ def make_drive(
         piece[RING_PHASE] = math.fmod(ring_phase + frequency * begin, 2.0 * math.pi)
         angle += (end - begin) * (piece[OMEGA] + 0.5 * piece[ACCELERATION] * (end - begin))
     return Drive(pieces, duration)
-
