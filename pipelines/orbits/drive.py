@@ -84,6 +84,12 @@ class Drive:
         t = time - piece[..., BEGIN]
         return np.asarray(piece[..., ANGLE] + t * (piece[..., OMEGA] + 0.5 * piece[..., ACCELERATION] * t))
 
+    def ring_phase(self, time: Array, parameters: Array) -> Array:
+        """Omega_ex tau and the phase at the start [rad] at times, between -2 pi and 2 pi."""
+        piece = self.pieces[self.piece_at(time)]
+        phase = piece[..., RING_PHASE] + parameters[EXCITATION_FREQUENCY] * (time - piece[..., BEGIN])
+        return np.asarray(np.fmod(phase, 2.0 * np.pi))
+
     def displacement(self, time: Array) -> Array:
         """delta at times."""
         piece = self.pieces[self.piece_at(time)]

@@ -337,13 +337,13 @@ def choose_steps(
     With n and 2 n steps of order p the error of the latter is their difference over 2^p - 1.
     """
     if given is not None:
-        coarse, fine = (_end(driven, drive, parameters, state, n, stepper) for n in (given, 2 * given))
+        coarse, fine = (trial_end(driven, drive, parameters, state, n, stepper) for n in (given, 2 * given))
         return StepChoice(given, _difference(coarse, fine) / (1.0 - 2.0**-stepper.order))
     steps, error = _FEWEST_STEPS // 2, math.inf
-    coarse = _end(driven, drive, parameters, state, steps, stepper)
+    coarse = trial_end(driven, drive, parameters, state, steps, stepper)
     while steps < _MOST_STEPS and error > tolerance:
         steps *= 2
-        fine = _end(driven, drive, parameters, state, steps, stepper)
+        fine = trial_end(driven, drive, parameters, state, steps, stepper)
         error, coarse = _difference(coarse, fine) / (2.0**stepper.order - 1.0), fine
     if not math.isfinite(error):
         return StepChoice(_MOST_STEPS, error)
@@ -352,10 +352,17 @@ def choose_steps(
     return StepChoice(chosen, error * (steps / chosen) ** stepper.order)
 
 
-def _end(
-    driven: DrivenSystem, drive: Drive, parameters: Array, state: Array, steps: int, stepper: ImplicitStepper
+def trial_end(
+    driven: DrivenSystem,
+    drive: Drive,
+    parameters: Array,
+    state: Array,
+    steps: int,
+    stepper: ImplicitStepper = ESDIRK5,
 ) -> Array | None:
-    """The state after a drive in so many steps; None if they have no solution."""
+    """The state at the end of a drive in about so many steps, nothing being watched; None if a step has no
+    solution.
+    """
     plan = Plan.of(drive, drive.duration / steps, 2.0 * drive.duration, 1, 1 << 30)
     position = starting_position(driven, drive, parameters, state)
     free = np.full(driven.observed, -np.inf)

@@ -17,7 +17,7 @@ from pipelines.case.reading import NamedCase
 from pipelines.datasets.store import StoreError
 from pipelines.stages.results import FailedBy, Report, ShouldStop, StageResult
 
-STAGES = ("linearize", "criticals", "continue_cycles")
+STAGES = ("linearize", "criticals", "continue_cycles", "transient")
 
 
 class Stage(Protocol):
