@@ -18,6 +18,7 @@ from agfb_cli.commands import (
     linearize,
     run,
     schema,
+    transient,
     validate,
 )
 
@@ -88,6 +89,7 @@ app.command("linearize", help=linearize.HELP)(linearize.linearize)
 app.command("criticals", help=criticals.HELP)(criticals.criticals)
 app.command("continue-cycles", help=continue_cycles.HELP)(continue_cycles.continue_cycles)
 app.command("continue", help="The same as continue-cycles.")(continue_cycles.continue_cycles)
+app.command("transient", help=transient.HELP)(transient.transient)
 app.command("run", help=run.HELP)(run.run)
 app.command("figures")(figures.figures)
 app.command("validate")(validate.validate)

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 SECONDS_BEFORE_ANNOUNCEMENT = 2.0
 Afterwards = Callable[[Path, str | None, Console], list[Path]]
+Admit = Callable[[Sequence["NamedCase"]], None]
 
 
 @dataclass(frozen=True)
@@ -104,10 +105,18 @@ def close(outcome: Outcome, request: Request, afterwards: Afterwards | None, con
         show_outcome(outcome, request.store, files, console)
 
 
-def execute(stages: Sequence[str], request: Request, console: Console) -> Outcome:
-    """Run `stages` as requested and show each result as it arrives; raises typer.Exit when interrupted."""
+def execute(
+    stages: Sequence[str], request: Request, console: Console, admit: Admit | None = None
+) -> Outcome:
+    """Run `stages` as requested and show each result as it arrives; raises typer.Exit when interrupted.
+
+    `admit` looks at the chosen cases before anything is written, and raises to refuse them.
+    """
     named_cases = load_cases(request.config, request.assignments)
     chosen = select_cases(named_cases, request.case_pattern)
+    if admit is not None:
+        refuse_other_store(request, named_cases)
+        admit(chosen)
     if request.dry_run:
         refuse_other_store(request, named_cases)
         show_plan(stages, chosen, request, console)

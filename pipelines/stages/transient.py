@@ -73,11 +73,12 @@ def transient(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
     return _result(case, store, run.group)
 
 
-def outlook(case: NamedCase, store_path: Path) -> Outlook:
-    """What is left to do of a case's run; computes a few steps and writes nothing. Raises CannotRunError, and
-    StoreError for a store that cannot be read.
+def outlook(case: NamedCase, store_path: Path | None) -> Outlook:
+    """What is left to do of a case's run in a store, if there is one; computes a few steps and writes nothing.
+
+    Raises CannotRunError, and StoreError for a store that cannot be read.
     """
-    store = open_for_reading(store_path) if store_path.exists() else None
+    store = open_for_reading(store_path) if store_path is not None and store_path.exists() else None
     run = prepare_run(case, store)
     done = 0
     if store is not None and run.start is None:
