@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agfb_cli.commands.stage import Request, close, execute
+from agfb_cli.commands.stage import SECONDS_BEFORE_ANNOUNCEMENT, Request, close, execute
 from agfb_cli.console import Console
 from agfb_cli.errors import UsageError, explained
 from agfb_cli.inputs import default_store
@@ -69,7 +69,8 @@ def transient(
 
 def refuse(named_cases: Sequence[NamedCase], store: Path | None, console: Console, yes: bool) -> None:
     """Raise UsageError for a run that cannot start, or that takes long unless `yes`; nothing is written."""
-    from pipelines.stages.transient import CannotRunError, outlook
+    with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
+        from pipelines.stages.transient import CannotRunError, outlook
 
     steps, seconds = 0, 0.0
     for named in named_cases:

@@ -293,15 +293,18 @@ def advance(
     samples = np.empty((wanted, driven.recorded.stop - driven.recorded.start))
     extremes, told = np.empty((wanted, driven.observed)), np.zeros(3, dtype=np.int64)
     space = aligned((LINE + 2 * stepper.stages + 4) * system.size + driven.observed)
-    with np.errstate(all="ignore"):
-        status = integrate(
-            system.rates, system.shifted.factorise, system.shifted.solve, driven.observe,
-            stepper.a, stepper.c, stepper.predictor,
-            plan.drive.pieces[piece], plan.length(piece), first, steps, _extended(parameters),
-            system.constants, system.layout, aligned(system.work_size), aligned(system.shifted.factors_size),
-            state, driven.push, driven.push_row, driven.recorded.start, limits, running, plan.interval,
-            position.samples, samples, extremes, space, told,
-        )  # fmt: skip
+    try:
+        with np.errstate(all="ignore"):
+            status = integrate(
+                system.rates, system.shifted.factorise, system.shifted.solve, driven.observe,
+                stepper.a, stepper.c, stepper.predictor,
+                plan.drive.pieces[piece], plan.length(piece), first, steps, _extended(parameters),
+                system.constants, system.layout, aligned(system.work_size), aligned(system.shifted.factors_size),
+                state, driven.push, driven.push_row, driven.recorded.start, limits, running, plan.interval,
+                position.samples, samples, extremes, space, told,
+            )  # fmt: skip
+    except np.linalg.LinAlgError:  # the factors of a step overflow; the steps before it are done
+        status = Status.NEWTON
     done, written = int(told[STEPS_DONE]), int(told[SAMPLES_DONE])
     end = Position(state, running, position.step + done, position.samples + written)
     return Block(end, samples[:written], extremes[:written], Status(status), int(told[LIMIT_HIT]))
