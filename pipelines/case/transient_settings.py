@@ -203,7 +203,7 @@ class Transient(Table):
         because="steps are chosen by it",
     )
     steps_per_period: int | None = quantity(
-        "time steps per reference period, the shorter one of the rings and of the fastest rotation; "
+        "time steps per reference period: that of the rings, or of the fastest rotation where they rest; "
         "default: from tolerance",
         "",
         None,

@@ -332,26 +332,28 @@ def choose_steps(
     state: Array,
     tolerance: float,
     given: int | None = None,
+    turns: int = 1,
     stepper: ImplicitStepper = ESDIRK5,
 ) -> StepChoice:
-    """Steps with which the run of ``drive``, one reference period long, ends within ``tolerance`` in every
-    state; with ``given`` steps only their error is measured.
+    """Steps with which the run of ``drive``, one reference period with so many ``turns`` of the rotor, ends
+    within ``tolerance`` in every state; with ``given`` steps only their error is measured.
 
     With n and 2 n steps of order p the error of the latter is their difference over 2^p - 1.
     """
     if given is not None:
         coarse, fine = (trial_end(driven, drive, parameters, state, n, stepper) for n in (given, 2 * given))
         return StepChoice(given, _difference(coarse, fine) / (1.0 - 2.0**-stepper.order))
-    steps, error = _FEWEST_STEPS // 2, math.inf
+    fewest, most = turns * _FEWEST_STEPS, turns * _MOST_STEPS
+    steps, error = fewest // 2, math.inf
     coarse = trial_end(driven, drive, parameters, state, steps, stepper)
-    while steps < _MOST_STEPS and error > tolerance:
+    while steps < most and error > tolerance:
         steps *= 2
         fine = trial_end(driven, drive, parameters, state, steps, stepper)
         error, coarse = _difference(coarse, fine) / (2.0**stepper.order - 1.0), fine
     if not math.isfinite(error):
-        return StepChoice(_MOST_STEPS, error)
+        return StepChoice(most, error)
     needed = math.ceil(_MARGIN * steps * (error / tolerance) ** (1.0 / stepper.order))
-    chosen = min(max(_FEWEST_STEPS, needed), _MOST_STEPS)
+    chosen = min(max(fewest, needed), most)
     return StepChoice(chosen, error * (steps / chosen) ** stepper.order)
 
 

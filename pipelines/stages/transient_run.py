@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -195,11 +195,16 @@ def _new_attributes(
     drive = drive_of(case, machine.scales, parameters, start.angle, start.ring_phase)
     period = reference_period(drive, parameters)
     trial, state = _trial(case, machine, drive, parameters, start, period)
-    choice = choose_steps(driven, trial, parameters, state, table.tolerance, table.steps_per_period)
+    turns = max(1, math.ceil(period * drive.largest_speed() / (2.0 * math.pi)))
+    tolerances = table.tolerance, table.steps_per_period, turns
+    choice = choose_steps(driven, trial, parameters, state, *tolerances)
+    if not math.isfinite(choice.error):  # the unbalance drives the journal into the foil within a period
+        balanced = replace(driven, push=np.zeros_like(driven.push))
+        choice = choose_steps(balanced, trial, parameters, state, *tolerances)
     if not math.isfinite(choice.error):
         raise CannotRunError(
-            "the time steps could not be chosen: Newton's method fails in the first reference period",
-            "start elsewhere, or give transient.steps_per_period a larger number",
+            "transient.start: the equations are not solved in the first reference period, even without unbalance",
+            "start elsewhere or at another speed, or lower excitation.displacement",
         )
     return {
         "request": dict(request),
@@ -213,11 +218,12 @@ def _new_attributes(
 
 
 def reference_period(drive: Drive, parameters: Array) -> float:
-    """The period of the rings or that of the fastest rotation, whichever is shorter."""
-    rotation = 2.0 * math.pi / drive.largest_speed()
-    if not drive.moves_rings():
-        return rotation
-    return min(rotation, 2.0 * math.pi / float(parameters[film.EXCITATION_FREQUENCY]))
+    """The period of the rings, so that steps and samples repeat with them; that of the fastest rotation where
+    the rings rest.
+    """
+    if drive.moves_rings():
+        return 2.0 * math.pi / float(parameters[film.EXCITATION_FREQUENCY])
+    return 2.0 * math.pi / drive.largest_speed()
 
 
 def _trial(
