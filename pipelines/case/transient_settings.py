@@ -80,7 +80,9 @@ class Unbalance(Table):
     @field_validator("rated_speed_rpm")
     @classmethod
     def _rated(cls, value: float | None, info: ValidationInfo) -> float | None:
-        if info.data.get("grade") is not None:
+        if "grade" not in info.data:
+            return value
+        if info.data["grade"] is not None:
             require_one(info, value, RATED_SPEED, "the speed for which the grade holds")
         elif value is not None or given(info, ("rated_speed",)):
             raise InconsistentError("belongs to a grade: give grade too, or leave the rated speed out")

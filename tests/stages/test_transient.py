@@ -172,7 +172,7 @@ def test_a_run_goes_on_from_a_checkpoint_of_another(tmp_path, everything):
 
 def test_a_touching_journal_ends_the_run(tmp_path):
     store = tmp_path / "run.zarr"
-    heavy = ("unbalance.planes=[{node = 2, moment = 100.0}]", "transient.minimum_film=0.1")
+    heavy = ("unbalance.planes=[{node = 2, moment = 6.0}]", "transient.minimum_film=0.1")
     watched = run(store, *SHORT, *heavy)
     assert watched.result.ok
     assert watched.result.stop_reason == "touch"
@@ -180,7 +180,7 @@ def test_a_touching_journal_ends_the_run(tmp_path):
     found = read_group(open_for_reading(store), GROUP)
     assert 0 < found.n_points < found.attributes["dimensions"]["sample"]
     assert np.min(found["checkpoint_extremes"][-1, :2]) < 0.1
-    assert np.all(found["minimum_film"][:-1] >= 0.1)
+    assert np.all(found["minimum_film"][:-2] >= 0.1)  # a step holds two samples at most
     assert verify(store) == []
     assert run(store, *SHORT, *heavy).told == []
 
