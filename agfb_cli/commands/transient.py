@@ -53,6 +53,7 @@ def transient(
     json: AsJson = False,
     traceback: Traceback = False,
 ) -> None:
+    """The command: `HELP` is what the user reads."""
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         store = output or default_store(config)
