@@ -105,9 +105,7 @@ def close(outcome: Outcome, request: Request, afterwards: Afterwards | None, con
         show_outcome(outcome, request.store, files, console)
 
 
-def execute(
-    stages: Sequence[str], request: Request, console: Console, admit: Admit | None = None
-) -> Outcome:
+def execute(stages: Sequence[str], request: Request, console: Console, admit: Admit | None = None) -> Outcome:
     """Run `stages` as requested and show each result as it arrives; raises typer.Exit when interrupted.
 
     `admit` looks at the chosen cases before anything is written, and raises to refuse them.

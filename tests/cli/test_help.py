@@ -108,6 +108,8 @@ def test_every_command_of_the_readme_exists() -> None:
 
 def test_computing_commands_share_their_options() -> None:
     assert len({frozenset(options_of(command)) for command in COMPUTING}) == 1
+    assert options_of("transient") - options_of("run") == {"--yes"}
+    assert options_of("run") <= options_of("transient")
 
 
 def test_the_readme_lists_every_exit_code() -> None:
