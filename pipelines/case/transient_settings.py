@@ -57,7 +57,7 @@ class UnbalancePlane(Table):
 
 
 class Unbalance(Table):
-    """Planes with moments, or a grade G (ISO 21940-11): U = G m/Omega_rated, m the rotor's mass, at any speed."""
+    """Planes with moments, or a grade G (ISO 21940-11): U = G m/Omega_rated with the rotor's mass m."""
 
     grade: float | None = quantity(
         "balance quality grade G; needs the rated speed",

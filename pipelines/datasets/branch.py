@@ -257,14 +257,22 @@ class _Column:
         self.array = array
         self._target: zarr.Array[Any] = open_array(store, group, array)
         self._step = array.chunks[0]
+        self._store, self._group = store, group
+        self._load(count)
+
+    def _load(self, count: int) -> None:
+        """Take the chunk of the last of ``count`` committed rows from the store."""
         self._index = max(0, count - 1) // self._step
         self._chunk = self._empty()
         start = self._index * self._step
         if count > start:
-            self._chunk[: count - start] = read_array(store, group, array, start, count, self._target)
+            committed = read_array(self._store, self._group, self.array, start, count, self._target)
+            self._chunk[: count - start] = committed
 
     def write(self, first: int, rows: Sequence[Array]) -> None:
         """Put rows at ``first`` and behind, and write the chunks they are in."""
+        if rows and first // self._step < self._index:  # a commit of several rows failed in a later chunk
+            self._load(first)
         for number, row in enumerate(rows, start=first):
             index, place = divmod(number, self._step)
             if index != self._index:

@@ -469,12 +469,12 @@ TRANSIENT = GroupSpec(
         _real(
             "minimum_foil",
             "sample bearing",
-            "smallest foil displacement since the sample before, ring included, over the bearing's own clearance",
+            "smallest foil displacement since the sample before, over the bearing's own clearance",
         ),
         _real(
             "maximum_foil",
             "sample bearing",
-            "largest foil displacement since the sample before, ring included, over the bearing's own clearance",
+            "largest foil displacement since the sample before, over the bearing's own clearance",
         ),
         _real("checkpoint_time", "checkpoint", "time of the checkpoint, dimensionless"),
         _real("checkpoint_step", "checkpoint", "time steps done at the checkpoint"),

@@ -13,8 +13,8 @@ masters by
 
     A_c = M^-1 T' sum_n U_n (cos alpha_n, sin alpha_n),   A_s = M^-1 T' sum_n U_n (-sin alpha_n, cos alpha_n)
 
-with the condensation T, so that a mass may sit on any node. At constant speed phi = psi + Omega tau; the ring's
-phase Omega_ex tau then gives phi = psi + phase Omega / Omega_ex.
+with the condensation T, so that a mass may sit on any node. At constant speed phi = psi + Omega tau; the
+ring's phase Omega_ex tau then gives phi = psi + phase Omega / Omega_ex.
 """
 
 from __future__ import annotations

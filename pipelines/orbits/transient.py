@@ -1,8 +1,8 @@
 """Time integration of the driven machine: changing speed, unbalance, switched excitation.
 
-The stepper is the diagonally implicit one of ``implicit`` (its head has the stage equations) with a fixed step
-in every piece of the drive. The unbalance does not depend on the state, so that it only moves the right-hand
-side of a stage:
+The stepper is the diagonally implicit one of ``implicit`` (its head has the stage equations) with a fixed
+step in every piece of the drive. The unbalance does not depend on the state, so that it only moves the
+right-hand side of a stage:
 
     S_i = [R_i + h gamma B u(tau_i)] + h gamma f(tau_i, S_i),    R_i = s + h sum_{j<i} a_ij K_j
     K_i = (S_i - R_i) / (h gamma)
@@ -188,7 +188,7 @@ class Plan:
 
     @classmethod
     def of(cls, drive: Drive, step: float, interval: float, block_samples: int, most_blocks: int) -> Plan:
-        """Steps no longer than ``step``; blocks of about ``block_samples`` samples, at most ``most_blocks``."""
+        """Steps no longer than ``step``; at most ``most_blocks`` blocks of about ``block_samples``."""
         piece_steps = np.maximum(1, np.ceil(drive.pieces[:, LENGTH] / step - _TIME_ROUNDING)).astype(np.int64)
         wanted = min(_LONGEST_BLOCK, max(1, round(block_samples * interval / step)))
         spare = max(1, most_blocks - 2 * len(piece_steps))
@@ -299,8 +299,9 @@ def advance(
                 system.rates, system.shifted.factorise, system.shifted.solve, driven.observe,
                 stepper.a, stepper.c, stepper.predictor,
                 plan.drive.pieces[piece], plan.length(piece), first, steps, _extended(parameters),
-                system.constants, system.layout, aligned(system.work_size), aligned(system.shifted.factors_size),
-                state, driven.push, driven.push_row, driven.recorded.start, limits, running, plan.interval,
+                system.constants, system.layout, aligned(system.work_size),
+                aligned(system.shifted.factors_size), state,
+                driven.push, driven.push_row, driven.recorded.start, limits, running, plan.interval,
                 position.samples, samples, extremes, space, told,
             )  # fmt: skip
     except np.linalg.LinAlgError:  # the factors of a step overflow; the steps before it are done

@@ -32,7 +32,7 @@ from pipelines.orbits.steppers import ESDIRK5, ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector
 
 UNBALANCED_PARAMETERS = (*PARAMETERS, "displacement_rate", "unbalance", "rotation_phase")
-"""Parameters of the machine with unbalance: a factor on all masses, and psi; the displacement's rate is zero."""
+"""Of the machine with unbalance: ``unbalance`` is a factor on all masses, ``rotation_phase`` is psi."""
 
 
 def unbalanced_system(machine: Machine, masses: Sequence[UnbalanceMass]) -> DynamicalSystem:

@@ -33,32 +33,37 @@ class RunStop(Enum):
     FINISHED = ("finished", "")
     TOUCH = (
         "touch",
-        "the journal touches the foil of bearing {bearing}: its film shrinks to {value:.3g} of the clearance at "
-        "the time {time:.6g} (limit {limit:g}); lower the unbalance, the excitation or the load, or the limit "
-        "transient.minimum_film",
+        "the journal touches the foil of bearing {bearing}: its film shrinks to {value:.3g} of the clearance "
+        "at the time {time:.6g} (limit {limit:g}); lower the unbalance, the excitation or the load, or the "
+        "limit transient.minimum_film",
     )
     VACUUM = (
         "vacuum",
-        "the pressure in bearing {bearing} falls below vacuum ({value:.3g} of ambient) at the time {time:.6g}: "
-        "the film grid does not resolve it; raise numerics.circumferential",
+        "the pressure in bearing {bearing} falls below vacuum ({value:.3g} of ambient) at the time "
+        "{time:.6g}: the film grid does not resolve it; raise numerics.circumferential",
     )
     NEWTON = (
         "newton",
-        "the equations of the time step at {time:.6g} were not solved: raise transient.steps_per_period; where "
-        "a film is about to close, the journal strikes the foil",
+        "the equations of the time step at {time:.6g} were not solved: raise transient.steps_per_period; "
+        "where a film is about to close, the journal strikes the foil",
     )
 
     @property
     def word(self) -> str:
         """As the store has it."""
-        return self.value[0]
+        return str(self.value[0])
+
+    @property
+    def advice(self) -> str:
+        """With room for the bearing, its value, the limit and the time."""
+        return str(self.value[1])
 
 
 COMPLETE = frozenset({RunStop.FINISHED.word, RunStop.TOUCH.word, RunStop.VACUUM.word})
 
 
 def transient(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill a group ``transient/t000``, ... of a case: the first whose tables [transient] and [unbalance] are
+    """Fill a group ``transient/t000``, ... of a case: the one whose tables [transient] and [unbalance] are
     these, or the next free one; resumes at the last checkpoint.
     """
     store = open_for_writing(store_path)
@@ -74,7 +79,7 @@ def transient(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
 
 
 def outlook(case: NamedCase, store_path: Path | None) -> Outlook:
-    """What is left to do of a case's run in a store, if there is one; computes a few steps and writes nothing.
+    """What is left to do of a case's run, also without a store; computes a few steps and writes nothing.
 
     Raises CannotRunError, and StoreError for a store that cannot be read.
     """
@@ -130,7 +135,7 @@ def _follow(run: Run, branch: BranchWriter, case_id: str, report: Report, should
         now = run.plan.time(position.step)
         told = f"time {now:.6g}, speed {float(run.drive.speed(np.array(now))):.5g}"
         report(Progress("transient", case_id, position.samples, run.plan.samples, told))
-    branch.finish(*RunStop.FINISHED.value)
+    branch.finish(RunStop.FINISHED.word)
 
 
 def _position(run: Run, branch: BranchWriter) -> Position:
@@ -191,11 +196,11 @@ def _stop(run: Run, block: Block) -> tuple[str, str]:
     """Reason and advice of a run that ended early."""
     now = run.plan.time(block.end.step)
     if block.status is Status.NEWTON:
-        return RunStop.NEWTON.word, RunStop.NEWTON.value[1].format(time=now)
+        return RunStop.NEWTON.word, RunStop.NEWTON.advice.format(time=now)
     quantity, bearing = divmod(block.limit, BEARINGS)
     stop = RunStop.TOUCH if quantity == FILM else RunStop.VACUUM
     value, limit = block.end.running[block.limit], run.limits[block.limit]
-    return stop.word, stop.value[1].format(bearing=bearing, value=value, time=now, limit=limit)
+    return stop.word, stop.advice.format(bearing=bearing, value=value, time=now, limit=limit)
 
 
 def _result(case: NamedCase, store: Store, group: str) -> StageResult:

@@ -203,7 +203,8 @@ def _new_attributes(
         choice = choose_steps(balanced, trial, parameters, state, *tolerances)
     if not math.isfinite(choice.error):
         raise CannotRunError(
-            "transient.start: the equations are not solved in the first reference period, even without unbalance",
+            "transient.start: the equations have no solution in the first reference period, even without "
+            "unbalance",
             "start elsewhere or at another speed, or lower excitation.displacement",
         )
     return {

@@ -1,4 +1,4 @@
-"""The state from which a transient run starts: an equilibrium, a stored cycle, a checkpoint of an earlier run."""
+"""Where a transient run starts: an equilibrium, a stored cycle, a checkpoint of another run."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def _row(named: NamedCase, count: int, what: str) -> int:
     row = count - 1 if table.start_row is None else table.start_row
     if not 0 <= row < count:
         raise CannotRunError(
-            f"transient.start_row: {table.start} has {count} {what}, counted from 0; {row} is not one of them",
+            f"transient.start_row: {table.start} has {count} {what}, counted from 0; {row} is not one",
             "name another row, or leave start_row out for the last one",
         )
     return row

@@ -69,8 +69,9 @@ def transient_steps(settings: Settings) -> list[Measurement]:
     return [
         Measurement(
             "transient_steps_ratio", pair.ratio, "1",
-            f"transient with unbalance, {grid}, states within {LIMIT:.0e} after a period: rk4, {slow.steps} steps "
-            f"per period (error {slow_error:.1e}, {1e3 * pair.first / _PERIODS:.3g} ms) / esdirk5, {steps} steps "
+            f"transient with unbalance, {grid}, states within {LIMIT:.0e} after a period: rk4, "
+            f"{slow.steps} steps (error {slow_error:.1e}, {1e3 * pair.first / _PERIODS:.3g} ms) / "
+            f"esdirk5, {steps} steps "
             f"(error {error:.1e}, {1e3 * pair.second / _PERIODS:.3g} ms)",
         ),
         Measurement(

@@ -81,7 +81,7 @@ def test_the_observed_extremes_are_those_of_the_films(machine):
 
 
 def test_the_film_follows_a_ring_whose_displacement_grows(machine):
-    """q_r and dq_r/dtau at a growing displacement: the rate is the total derivative along the ring's motion."""
+    """At a growing displacement dq_r/dtau is the total derivative along the ring's motion."""
     from pipelines.machine.ring import ring_axes_at
 
     rate, frequency, h = 0.07, 0.7, 1e-5

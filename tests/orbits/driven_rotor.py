@@ -1,6 +1,6 @@
-"""A Jeffcott rotor in the machine's parameter order: x'' + c x' + k x (1 + delta sin(phase)) + b x |x|^2 = force.
+"""A Jeffcott rotor, x'' + c x' + k x (1 + delta sin(phase)) + b x |x|^2 = force, in the machine's order.
 
-State (x, y, x', y'); speed, excitation frequency and displacement are the entries 0, 1 and 2 of the parameters.
+State (x, y, x', y'); entries 0, 1 and 2 of the parameters are speed, excitation frequency and displacement.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ STEADY, FREE = Switching(0.0, 0.0), np.full(2, -np.inf)
 
 
 def harmonic(speed: float, time: np.ndarray) -> np.ndarray:
-    """x + i y of the linear rotor on the way round: e Omega^2 / (k - Omega^2 + i c Omega) exp(i Omega tau)."""
+    """x + i y of the linear rotor: e Omega^2 / (k - Omega^2 + i c Omega) exp(i Omega tau)."""
     return ECCENTRICITY * speed**2 / (STIFFNESS - speed**2 + 1j * DAMPING * speed) * np.exp(1j * speed * time)
 
 

@@ -156,7 +156,7 @@ def test_from_a_stored_cycle_the_run_stays_on_it(tmp_path):
 
 
 def test_a_run_goes_on_from_a_checkpoint_of_another(tmp_path, everything):
-    """The last checkpoint of a short run with its angles, phases and speed: the next one continues the motion."""
+    """The last checkpoint of a short run with its angles and speed: the next one continues the motion."""
     store = tmp_path / "run.zarr"
     period = 2.0 * np.pi / 0.7
     table = (*UNBALANCE, "transient.steps_per_period=60", "operation.speed=0.7")
