@@ -18,6 +18,7 @@ from agfb_cli.commands import (
     linearize,
     run,
     schema,
+    track_curves,
     transient,
     validate,
 )
@@ -89,6 +90,9 @@ app.command("linearize", help=linearize.HELP)(linearize.linearize)
 app.command("criticals", help=criticals.HELP)(criticals.criticals)
 app.command("continue-cycles", help=continue_cycles.HELP)(continue_cycles.continue_cycles)
 app.command("continue", help="The same as continue-cycles.")(continue_cycles.continue_cycles)
+app.command("track-pd", help=track_curves.PERIOD_DOUBLING_HELP)(track_curves.track_pd)
+app.command("track-ns", help=track_curves.NEIMARK_SACKER_HELP)(track_curves.track_ns)
+app.command("track-folds", help=track_curves.FOLD_HELP)(track_curves.track_folds)
 app.command("transient", help=transient.HELP)(transient.transient)
 app.command("run", help=run.HELP)(run.run)
 app.command("figures")(figures.figures)

@@ -30,6 +30,7 @@ class ProgressReporter:
         self._subject: tuple[str, str] | None = None
         self._started = 0.0
         self._first_done = 0
+        self._last_done = 0
         self._shown = 0.0
 
     def __call__(self, progress: Progress) -> None:
@@ -37,15 +38,17 @@ class ProgressReporter:
         if self._console.quiet:
             return
         now = self._clock()
-        if (progress.stage, progress.case_id) != self._subject:
+        if (progress.stage, progress.case_id) != self._subject or progress.done < self._last_done:
             self._begin(progress, now)
+        self._last_done = progress.done
         finished = progress.total is not None and progress.done >= progress.total
         if finished or now - self._shown >= self._interval:
             self._shown = now
             self._show(progress, now)
 
     def _begin(self, progress: Progress, now: float) -> None:
-        # A resumed branch starts at its last committed point: the rate counts only what is computed now.
+        # A resumed branch starts at its last committed point: the rate counts only what is computed now, and
+        # of a stage with several branches the one that it is at.
         self._subject = (progress.stage, progress.case_id)
         self._started, self._first_done = now, progress.done
         self._shown = -math.inf

@@ -7,8 +7,9 @@ from agfb_cli.commands.stage import stage_command
 
 HELP = """The whole chain and its figures.
 
-Computes linearize, criticals and continue-cycles, one after the other on every case, then draws. Figures go
-to the directory NAME-figures beside the store NAME.zarr.
+Computes linearize, criticals and continue-cycles, then searches the plane of [track_curves] for all curves of
+bifurcations as [bifurcation_set] says, one after the other on every case, and draws. Figures go to the
+directory NAME-figures beside the store NAME.zarr.
 """
 
-run = stage_command(("linearize", "criticals", "continue_cycles"), afterwards=draw_beside)
+run = stage_command(("linearize", "criticals", "continue_cycles", "bifurcation_set"), afterwards=draw_beside)

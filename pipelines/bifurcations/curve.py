@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
@@ -121,7 +122,8 @@ class CurveState(PlainState):
     first) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``,
     ``left_phase``, ``kappa``: the frame of the test function; ``kappa_slope``: d kappa/d arclength;
     ``tests`` (11,): values of the special test functions in the order of ``SpecialKind``; ``step`` is the
-    next arclength step; ``start_*``: the first point.
+    next arclength step; ``steps`` are per period and leave ``step_error`` in the multipliers; ``start_*``:
+    the first point.
     """
 
     index: int
@@ -150,6 +152,7 @@ class CurveState(PlainState):
     step: float
     arclength: float
     steps: int
+    step_error: float
     basis: Matrix
     start_state: Vector
     start_period: float
@@ -191,7 +194,8 @@ class CurvePoint:
     ``cycle``: state, period, orbit, multipliers (its continued parameter is the first of the two);
     ``parameters`` (2,): both free ones; ``kappa``: cos of the critical angle; ``alignment``: cosine between
     left and right null vector; ``right`` (N, m): critical vectors; ``normal_form``: None when not asked for
-    or not defined; ``residual_norms`` and ``test_values``: history of the corrector; ``unlocated``: special
+    or not defined; ``step_error``: estimated error of the multipliers by the time steps, NaN for an explicit
+    stepper; ``residual_norms`` and ``test_values``: history of the corrector; ``unlocated``: special
     points that were detected in the step to this point but could not be located.
     """
 
@@ -204,6 +208,7 @@ class CurvePoint:
     normal_form: NormalForm | None
     residual_norms: tuple[float, ...]
     test_values: tuple[float, ...]
+    step_error: float = math.nan
     unlocated: tuple[SpecialKind, ...] = ()
 
     @property

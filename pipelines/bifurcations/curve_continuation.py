@@ -27,7 +27,7 @@ from pipelines.bifurcations.curve import (
     SpecialPoint,
 )
 from pipelines.bifurcations.curve_corrector import correct_critical
-from pipelines.bifurcations.curve_opening import columns_of, needed_steps_at, open_curve
+from pipelines.bifurcations.curve_opening import columns_of, demand_of, open_curve
 from pipelines.bifurcations.curve_segment import CurveEnd, CurveSegment, curve_end, dip_beyond, locate_special
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import (
@@ -38,9 +38,10 @@ from pipelines.bifurcations.plane import (
 )
 from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start
 from pipelines.orbits.period_map import PhaseReference
-from pipelines.orbits.shooting import (
-    reference_of,
-)
+from pipelines.orbits.shooting import reference_of
+from pipelines.orbits.time_steps import following_steps
+
+_STARTED = 1e-4  # arclength within which a resonance found again is the one that the curve starts from
 
 
 def continue_curve(
@@ -125,8 +126,9 @@ def _attempt(
 ) -> _Step | _Rejected:
     """One step: predict, correct, test, locate.  Rejected means that the step is too long."""
     cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
-    reference = reference_of(cycles, unknowns, state.steps)
-    segment = _predict_and_correct(problem, state, options, metric, reference)
+    steps = following_steps(cycles, state.steps, state.step_error)
+    reference = reference_of(cycles, unknowns, steps)
+    segment = _predict_and_correct(problem, state, options, metric, steps, reference)
     if isinstance(segment, _Rejected):
         return segment
     if _passes_start(state, segment):
@@ -148,6 +150,7 @@ def _predict_and_correct(
     state: CurveState,
     options: CurveOptions,
     metric: PlaneMetric,
+    steps: int,
     reference: PhaseReference | None,
 ) -> CurveSegment | _Rejected:
     """Predictor along the tangent and its bend, arclength corrector; past the end of a range that parameter
@@ -157,7 +160,7 @@ def _predict_and_correct(
     row = metric.row(state.tangent)
     closing = Closing(row, row.dot(state.position) + state.step, across, state.gradient, metric)
     guess = state.position.plus(state.tangent, state.step).plus(state.bend, 0.5 * state.step**2)
-    basis, frame, steps = state.basis, state.frame, state.steps
+    basis, frame = state.basis, state.frame
     found: CurveCorrection | None = None
     for _ in range(3):
         bound = _bound_passed(guess, options)
@@ -174,14 +177,15 @@ def _predict_and_correct(
         guess = found.point.position
     if found is None or found.point is None or _bound_passed(guess, options) is not None:
         return _Rejected("the corrector leaves the ranges of the parameters")
-    needed = needed_steps_at(problem, found.point, steps)
-    if needed > steps:
-        steps = problem.period_map.rounded_steps(STEP_GROWTH * needed)
+    demand = demand_of(problem, found.point, steps)
+    if demand.steps > steps:
+        steps = problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
         again = correct_critical(problem, guess, closing, found.point.basis, frame, steps, reference)
         if again.point is None:
             return _Rejected(again.stop.advice)
+        demand = demand_of(problem, again.point, steps)
         found = _one_history(found, again)
-    return _segment(problem, state, options, closing, found, reference)
+    return _segment(problem, state, options, closing, found, reference, demand.error)
 
 
 def _segment(
@@ -191,6 +195,7 @@ def _segment(
     closing: Closing,
     found: CurveCorrection,
     reference: PhaseReference | None,
+    step_error: float,
 ) -> CurveSegment | _Rejected:
     if found.point is None:
         return _Rejected(found.stop.advice)
@@ -199,6 +204,7 @@ def _segment(
     end = curve_end(found, found.point, closing, state.tangent, options.normal_form, state.frame)
     if end is None:
         return _Rejected("the tangent is singular")
+    end = replace(end, point=replace(end.point, step_error=step_error))
     return CurveSegment(
         problem,
         closing.metric,
@@ -246,6 +252,8 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
             unlocated.append(special)
             continue
         point, there = located
+        if point is not None and _is_where_it_starts(point, segment, state):
+            continue
         if point is not None:
             specials.append(point)
         if resonant_end(segment.problem.kind, there.point.kappa) is special and point is not None:
@@ -253,6 +261,12 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
     kept = tuple(sorted((p for p in specials if p.fraction <= limit), key=lambda point: point.fraction))
     end = replace(end, point=replace(end.point, unlocated=tuple(unlocated)))
     return _Step(end, segment.metric.norm(end.position.minus(segment.start)), kept)
+
+
+def _is_where_it_starts(point: SpecialPoint, segment: CurveSegment, state: CurveState) -> bool:
+    """Whether a resonance is the one that the curve was started from, found again with other time steps."""
+    resonance = point.kind in (SpecialKind.R1, SpecialKind.R2)
+    return resonance and state.index == 0 and point.fraction * segment.length < _STARTED
 
 
 def _brackets(segment: CurveSegment, state: CurveState) -> list[tuple[SpecialKind, dict[float, float]]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ from pipelines.orbits.shooting import (
     reference_of,
 )
 from pipelines.orbits.system import Matrix
-from pipelines.orbits.time_steps import demand_at, first_steps
+from pipelines.orbits.time_steps import StepDemand, demand_at, first_steps
 
 
 def open_curve(
@@ -58,12 +59,18 @@ def open_curve(
     unknowns, cycles = problem.unknowns(guess), problem.cycle_problem(guess)
     steps = first_steps(cycles, unknowns)
     opened = _open_with(problem, start, options, metric, guess, first_basis(cycles, unknowns, steps), steps)
-    if isinstance(opened, CurveEnd) and (needed := needed_steps_at(problem, opened, steps)) > steps:
-        opened = _open_with(
-            problem, start, options, metric, opened.position, opened.point.cycle.basis, needed
-        )
+    if isinstance(opened, CurveEnd):
+        demand = demand_of(problem, opened, steps)
+        if demand.steps > steps:
+            steps, basis = demand.steps, opened.point.cycle.basis
+            opened = _open_with(problem, start, options, metric, opened.position, basis, steps)
+            if isinstance(opened, CurveEnd):
+                demand = demand_of(problem, opened, steps)
     if isinstance(opened, str):
         return CurveResult(CurveStop.START_FAILED, None, opened)
+    if resonant_end(problem.kind, opened.point.kappa) is not None:
+        opened = _facing_inwards(problem, opened, options, metric)
+    opened = replace(opened, point=replace(opened.point, step_error=demand.error))
     at = opened.position
     state = CurveState(
         index=0,
@@ -111,6 +118,25 @@ def _open_with(
     return "the tangent of the first point is singular" if end is None else end
 
 
+def _facing_inwards(
+    problem: CurveProblem, end: CurveEnd, options: CurveOptions, metric: PlaneMetric
+) -> CurveEnd:
+    """The first point on R1 or R2 with the tangent towards abs(kappa) < 1: the critical pair is complex there.
+
+    The slope of kappa is a difference of large numbers there, so a trial step decides; without one the slope.
+    """
+    row = metric.row(end.tangent)
+    guess = end.position.plus(end.tangent, options.step)
+    closing = Closing(row, row.dot(guess), metric.row(end.normal), end.gradient, metric)
+    cycle = end.point.cycle
+    reference = reference_of(problem.cycle_problem(end.position), problem.unknowns(end.position), cycle.steps)
+    found = correct_critical(problem, guess, closing, cycle.basis, end.frame, cycle.steps, reference).point
+    inwards = end.kappa_slope * end.point.kappa < 0.0 if found is None else abs(found.critical.kappa) < 1.0
+    if inwards:
+        return end
+    return replace(end, tangent=end.tangent.scaled(-1.0), kappa_slope=-end.kappa_slope)
+
+
 def _first_closing(
     at: MapAt, basis: Matrix, start: CurveStart, options: CurveOptions, metric: PlaneMetric
 ) -> tuple[Closing, Frame, Position] | str:
@@ -131,9 +157,6 @@ def _first_closing(
     across = first.scaled(g1 / size).plus(second, g2 / size)
     along = first.scaled(-g2 / size).plus(second, g1 / size)
     sense = float(along.parameters[0]) * options.direction
-    if resonant_end(at.problem.kind, critical.kappa) is not None:
-        # a Neimark-Sacker curve leaves R1 and R2 inwards, where abs(kappa) < 1
-        sense = -critical.kappa * float(g1 * derivatives.traces[1] - g2 * derivatives.traces[0])
     along = along.scaled(-1.0 if sense < 0.0 else 1.0)
     row, beside = metric.row(along), metric.row(across)
     return Closing(row, row.dot(at.position), beside, beside.scaled(size), metric), frame, along
@@ -159,12 +182,13 @@ def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
         "kappa_slope": end.kappa_slope,
         "tests": end.tests,
         "steps": cycle.steps,
+        "step_error": end.point.step_error,
         "basis": adapted_basis(cycle.basis, cycle.image.columns, problem.options.basis),
     }
 
 
-def needed_steps_at(problem: CurveProblem, found: CriticalCycle | CurveEnd, steps: int) -> int:
-    """Steps per period that a point corrected with ``steps`` asks for."""
+def demand_of(problem: CurveProblem, found: CriticalCycle | CurveEnd, steps: int) -> StepDemand:
+    """Steps per period that a point corrected with ``steps`` asks for, and what those leave."""
     if isinstance(found, CriticalCycle):
         basis, image = found.linear.basis, found.linear.image
     else:
@@ -172,4 +196,4 @@ def needed_steps_at(problem: CurveProblem, found: CriticalCycle | CurveEnd, step
     at, parameters = found.position, problem.parameters_at(found.position)
     return demand_at(
         problem.period_map, problem.options, at.state, parameters, at.period, steps, basis, image
-    ).steps
+    )

@@ -12,12 +12,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from pipelines.bifurcations.branch import BranchStart
-from pipelines.bifurcations.curve import CurvePoint, CurveStart, SpecialKind, SpecialPoint
+from pipelines.bifurcations.curve import CurveStart, SpecialKind, SpecialPoint
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.orbits.period_map import PeriodMap, PhaseReference
@@ -141,40 +140,3 @@ def _flip_vector(problem: CycleProblem, event: Event, simple: Unknowns) -> Vecto
     complex_vector = cycle.spectrum.vectors[:, nearest]
     vector = (complex_vector / complex_vector[np.argmax(np.abs(complex_vector))]).real
     return np.asarray(vector, dtype=np.float64)
-
-
-def lies_on_curve(
-    start: CurveStart,
-    points: list[CurvePoint],
-    scales: tuple[float, float] = (1.0, 1.0),
-    angle_tolerance: float = 0.2,
-    tolerance: float = 0.05,
-) -> bool:
-    """Whether a bifurcation point is already on a traced curve of its kind, whose points are in order.
-
-    The distance of its parameters from the chords of the curve is compared with ``tolerance`` times the
-    length of the chord (plus the sagitta that the neighbouring chords suggest), in parameters divided by
-    ``scales``; the state must be near too, and so must the angle, because two curves may cross in the
-    parameters.
-    """
-    weight = np.array(scales)
-    target = np.array(start.parameters) / weight
-    for before, after in pairwise(points):
-        first, last = before.parameters / weight, after.parameters / weight
-        chord = last - first
-        length = float(np.linalg.norm(chord))
-        fraction = 0.5 if length == 0.0 else float((target - first) @ chord) / length**2
-        if not -tolerance <= fraction <= 1.0 + tolerance:
-            continue
-        off = float(np.linalg.norm(target - first - fraction * chord))
-        if off > tolerance * length + 1e-9:
-            continue
-        old, new = before.cycle.unknowns.state, after.cycle.unknowns.state
-        guess = old + fraction * (new - old)
-        spread = float(np.max(np.abs(new - old)))
-        apart = float(np.max(np.abs(start.state - guess)))
-        angle = before.angle + fraction * (after.angle - before.angle)
-        same_angle = start.angle is None or abs(start.angle - angle) <= angle_tolerance
-        if same_angle and apart <= max(spread, 1e-6 * max(1.0, float(np.max(np.abs(guess))))):
-            return True
-    return False

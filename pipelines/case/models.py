@@ -13,6 +13,7 @@ from typing import Any
 from pydantic import ValidationInfo, field_validator
 
 from pipelines.case.bearings import Bearing, Bump, Excitation, Foil, Gas, Ring
+from pipelines.case.curve_settings import BifurcationSet, TrackCurves
 from pipelines.case.fields import InconsistentError, Misfit, Table, quantity, table
 from pipelines.case.rotor import Disc, Element, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
@@ -22,6 +23,7 @@ from pipelines.case.transient_settings import Transient, Unbalance, transient_fi
 __all__ = [
     "PARAMETERS",
     "Bearing",
+    "BifurcationSet",
     "Bump",
     "Case",
     "ContinueCycles",
@@ -38,6 +40,7 @@ __all__ = [
     "Ring",
     "Rotor",
     "Support",
+    "TrackCurves",
     "Transient",
     "Unbalance",
 ]
@@ -76,6 +79,8 @@ class Case(Table):
     linearize: Linearize = table("stage `agfb linearize`", Linearize())
     criticals: Criticals = table("stage `agfb criticals`", Criticals())
     continue_cycles: ContinueCycles = table("stage `agfb continue-cycles`", ContinueCycles())
+    track_curves: TrackCurves = table("stages `agfb track-pd`, `track-ns`, `track-folds`", TrackCurves())
+    bifurcation_set: BifurcationSet = table("search of `agfb run` for the whole set", BifurcationSet())
     unbalance: Unbalance | None = table("the rotor's unbalance, for `agfb transient`", None)
     transient: Transient = table("stage `agfb transient`", Transient())
 

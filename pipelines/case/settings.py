@@ -269,6 +269,14 @@ class ContinueCycles(Table):
         below=1,
         because="a cycle of no size is the equilibrium",
     )
+    doublings: int = quantity(
+        "how often branches of doubled cycles are followed: 1 for twice the period, 2 for four times, ...",
+        "",
+        0,
+        at_least=0,
+        at_most=5,
+        because="every doubling doubles the cost of a point",
+    )
     direction: Literal["up", "down", "both"] = choice(
         "direction of the parameter at the start; self-excited whirl leaves its Hopf point where it can",
         "up",

@@ -1,8 +1,8 @@
 """What a store holds: every array of every kind of group, as data.
 
-A store is a tree of Zarr v3 groups. Each group has a *kind* (machine, linear, criticals, cycles) and a kind
-is a table of arrays: name, dimensions, units, meaning. Writers, readers and the integrity check all work from
-these tables.
+A store is a tree of Zarr v3 groups. Each group has a *kind* (machine, linear, criticals, cycles, curve, ...)
+and a kind is a table of arrays: name, dimensions, units, meaning. Writers, readers and the integrity check
+all work from these tables.
 
 Dimensions play four roles. Arrays whose first dimension is the kind's ``row`` dimension grow point by point;
 those along ``event`` grow with the located bifurcations; those along ``slot`` have two slots written
@@ -441,6 +441,128 @@ CYCLES = GroupSpec(
     coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
 )
 
+CURVE = GroupSpec(
+    "curve",
+    "A curve of period doublings, Neimark-Sacker points or folds over two parameters",
+    (
+        _real("speed", "point", "rotating speed, dimensionless"),
+        _real("excitation_frequency", "point", "excitation frequency of the ring, dimensionless"),
+        _real("displacement", "point", "largest vertical displacement of the ring over clearance"),
+        _real("foil_stiffness", "point", "foil stiffness of the first bearing, dimensionless"),
+        _real("period", "point", "period of the cycle, dimensionless"),
+        _real("state", "point component", "state at the start of the period"),
+        _real("parameter_tangent", "point free", "d(free parameters) / d(arclength) along the curve"),
+        _real("step", "point", "arclength step that the next point tries first"),
+        _real("arclength", "point", "arclength from the first point"),
+        _real("angle", "point", "argument of the critical multiplier", "rad"),
+        _real("kappa", "point", "cosine of the argument of the critical multiplier"),
+        _real("kappa_slope", "point", "d kappa / d(arclength)"),
+        _real(
+            "special_tests",
+            "point special",
+            "test functions of the special points, ordered as event_kind",
+        ),
+        _complex("multipliers", "point multiplier", "slow Floquet multipliers, largest first", padded=True),
+        _real("multiplier_residual", "point multiplier", "norm of M v - mu v for unit v", padded=True),
+        _count("multiplier_count", "point", "number of multipliers stored"),
+        _count("unstable_count", "point", "multipliers outside the unit circle, critical ones left out"),
+        _complex(
+            "normal_form",
+            "point",
+            "critical coefficient of the stroboscopic map: a (fold), b (period doubling), d (Neimark-Sacker)",
+        ),
+        _real("normal_form_error", "point", "estimated error of the critical coefficient"),
+        _flag(
+            "criticality",
+            "point",
+            "type of the bifurcation by the sign of b or Re d, where that exceeds its error",
+            "subcritical",
+            "supercritical",
+        ),
+        _real("orbit_minimum", "point coordinate", "smallest value over the period, over clearance"),
+        _real("orbit_maximum", "point coordinate", "largest value over the period, over clearance"),
+        _real("minimum_pressure", "point bearing", "smallest film pressure over the period, over ambient"),
+        _real("minimum_film", "point bearing", "smallest film thickness over the period, over clearance"),
+        _count("newton_iterations", "point", "iterations of the corrector"),
+        _real("newton_history", "point iteration", "residual norm before each iteration", padded=True),
+        _real("alignment", "point", "cosine of the angle between left and right critical vectors"),
+        _count("steps_per_period", "point", "time steps of one period"),
+        _real(
+            "step_error",
+            "point",
+            "estimated error of the multipliers by the time steps (implicit stepper only)",
+        ),
+        _real(
+            "directions",
+            "slot direction extended",
+            "tangent, normal, gradient of the test function and bend of the curve at the newest point: "
+            "state, period, free parameters",
+        ),
+        _real(
+            "critical_vectors",
+            "slot side augmented",
+            "right and left critical vector with period or phase part",
+        ),
+        _real(
+            "basis",
+            "slot component column",
+            "orthonormal basis of the slow subspace at the newest point",
+            padded=True,
+        ),
+        _count("basis_columns", "slot", "columns of the basis that are used"),
+        _count("coordinate_node", "coordinate", "shaft node of the coordinate"),
+        _flag("coordinate_axis", "coordinate", "axis of the coordinate", "x", "y"),
+        _flag(
+            "event_kind",
+            "event",
+            "point of codimension two",
+            "R1",
+            "R2",
+            "R3",
+            "R4",
+            "fold_flip",
+            "fold_neimark_sacker",
+            "flip_neimark_sacker",
+            "double_neimark_sacker",
+            "generalised_flip",
+            "chenciner",
+            "cusp",
+        ),
+        _count("event_after_point", "event", "index of the last point before the special point"),
+        _real("event_speed", "event", "rotating speed at the special point"),
+        _real("event_excitation_frequency", "event", "excitation frequency at the special point"),
+        _real("event_displacement", "event", "ring displacement at the special point"),
+        _real("event_foil_stiffness", "event", "foil stiffness at the special point"),
+        _real("event_period", "event", "period at the special point"),
+        _real("event_state", "event component", "state at the special point"),
+        _complex(
+            "event_multipliers",
+            "event multiplier",
+            "slow Floquet multipliers at the special point",
+            padded=True,
+        ),
+        _real("event_angle", "event", "argument of the critical multiplier", "rad"),
+        _real("event_residual", "event", "test function at the located special point"),
+    ),
+    row="point",
+    coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
+)
+
+BIFURCATION_SET = GroupSpec(
+    "bifurcation_set",
+    "How the plane of two parameters was searched for bifurcations",
+    (
+        _flag("line_parameter", "line", "parameter along the line", "speed", "excitation_frequency"),
+        _real("line_fixed", "line", "value of the other parameter"),
+        _real("line_low", "line", "lowest value of the parameter that was reached"),
+        _real("line_high", "line", "highest value of the parameter that was reached"),
+        _count("line_round", "line", "round of the search, counted from 0"),
+        _count("line_events", "line", "bifurcations on the line"),
+        _count("line_new_curves", "line", "curves that started from this line"),
+        _flag("line_complete", "line", "whether the line reached both ends of the plane", "no", "yes"),
+    ),
+)
+
 TRANSIENT = GroupSpec(
     "transient",
     "A run in time: samples, and full states at checkpoints",
@@ -505,4 +627,6 @@ TRANSIENT = GroupSpec(
     event="checkpoint",
 )
 
-KINDS: Mapping[str, GroupSpec] = {g.kind: g for g in (MACHINE, LINEAR, CRITICALS, CYCLES, TRANSIENT)}
+KINDS: Mapping[str, GroupSpec] = {
+    g.kind: g for g in (MACHINE, LINEAR, CRITICALS, CYCLES, CURVE, BIFURCATION_SET, TRANSIENT)
+}

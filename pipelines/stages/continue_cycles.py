@@ -1,54 +1,43 @@
 """`agfb continue-cycles`: branches of limit cycles with their Floquet multipliers and bifurcations, point by
-point.
+point, and the branches of period-doubled cycles that leave them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from pipelines.bifurcations.arclength import continue_branch
-from pipelines.bifurcations.branch import BranchPoint, BranchResult, BranchStart, BranchState, BranchStop
-from pipelines.bifurcations.detection import Event
+from pipelines.bifurcations.branch import BranchStop
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
-from pipelines.datasets.branch import BranchWriter, open_branch
-from pipelines.datasets.reading import read_group
-from pipelines.datasets.records import ENDED
+from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_writing
-from pipelines.machine.assembly import Machine, build_machine
-from pipelines.orbits.shooting import CycleProblem
-from pipelines.stages.cycle_problem import continuation_options, cycle_problem, is_self_excited
-from pipelines.stages.cycle_rows import BranchRecorder, branch_sizes, resumed_state, static_arrays
-from pipelines.stages.cycle_start import NoStart, Watch, first_cycles
-from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.stages.branch_run import BranchRequest, trace_branch
+from pipelines.stages.cycle_problem import is_self_excited
+from pipelines.stages.job import Job, Origin
+from pipelines.stages.results import Report, ShouldStop, StageResult
 
 DIRECTIONS = {"up": (1,), "down": (-1,), "both": (1, -1)}
 COMPLETE = frozenset({BranchStop.RANGE, BranchStop.CLOSED, BranchStop.MAXIMUM_POINTS, BranchStop.LIMIT})
-NO_START = "no_start"
+PERIOD_DOUBLING = KINDS["cycles"].array("event_kind").flag("period_doubling")
 
 
 def continue_cycles(
     case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
 ) -> StageResult:
-    """Fill the groups ``cycles/b000``, ... of a case, one branch per direction; resumes behind the last
-    point.
+    """Fill the groups ``cycles/b000``, ... of a case, one branch per direction, and ``cycles/d000``, ... with
+    period-doubled branches; resumes behind the last point.
     """
-    store = open_for_writing(store_path)
-    machine = build_machine(case.case)
-    problem = cycle_problem(machine, case.case)
+    job = Job.of("continue-cycles", case, store_path, report, should_stop)
     groups = []
     for number, direction in enumerate(directions(case.case)):
         if should_stop():
             break
-        group = f"cases/{case.case_id}/cycles/b{number:03d}"
-        groups.append(group)
-        with _open(store, group, machine, case, problem) as branch:
-            if not _is_complete(branch, case.case.continue_cycles.max_points):
-                _follow(store, group, branch, machine, case, problem, direction, report, should_stop)
-    return _result(case, store, groups)
+        groups.append(f"cycles/b{number:03d}")
+        trace_branch(job, BranchRequest(groups[-1], case.case, direction))
+    doubled = _trace_doubled(job, groups)
+    return _result(job, groups, doubled)
 
 
 def directions(case: Case) -> tuple[int, ...]:
@@ -59,100 +48,77 @@ def directions(case: Case) -> tuple[int, ...]:
     return DIRECTIONS[table.direction]
 
 
-def _open(store: Store, group: str, machine: Machine, case: NamedCase, problem: CycleProblem) -> BranchWriter:
-    table = case.case.continue_cycles
-    # More points may be asked for later; everything else must stay as it was.
-    request = table.model_dump(mode="json", exclude={"max_points"})
-    attributes = {"parameter": table.parameter, "formulation": table.formulation, "request": request}
-    sizes, static = branch_sizes(machine, case.case, problem), static_arrays(machine, case.case)
-    return open_branch(store, group, "cycles", sizes, static, attributes)
+def _trace_doubled(job: Job, parents: list[str]) -> list[str]:
+    """Branches of twice, four times, ... the period, each from a period doubling of the level before."""
+    groups: list[str] = []
+    for level in range(job.case.case.continue_cycles.doublings):
+        found: list[str] = []
+        for origin in _period_doublings(job, parents):
+            if job.should_stop():
+                return groups
+            if _ends_at(job, groups, origin):
+                continue
+            groups.append(f"cycles/d{len(groups):03d}")
+            found.append(groups[-1])
+            trace_branch(job, BranchRequest(groups[-1], job.case.case, turns=2 ** (level + 1), origin=origin))
+        parents = found
+    return groups
 
 
-def _is_complete(branch: BranchWriter, max_points: int) -> bool:
-    """Whether an earlier run has ended the branch for good."""
-    newest = branch.resume_row()
-    if branch.status != ENDED or newest is None:
-        return False
-    return newest.stop_reason != BranchStop.MAXIMUM_POINTS.name.lower() or newest.n_points >= max_points
-
-
-def _follow(
-    store: Store,
-    group: str,
-    branch: BranchWriter,
-    machine: Machine,
-    case: NamedCase,
-    problem: CycleProblem,
-    direction: int,
-    report: Report,
-    should_stop: ShouldStop,
-) -> None:
-    """Trace one branch into its group, from its first cycle or from the last committed point."""
-    table = case.case.continue_cycles
-
-    def told(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
-        message = (
-            f"{table.parameter} {state.parameter:.5g}, largest multiplier {abs(state.multipliers[0]):.4f}"
-        )
-        message += f", {state.steps} steps per period"
-        message += "".join(f", {event.kind.name.lower().replace('_', ' ')}" for event in events)
-        report(Progress("continue-cycles", case.case_id, state.index + 1, table.max_points, message))
-
-    recorder = BranchRecorder(machine, branch, table.minimum_film, told)
-
-    def run(start: BranchStart | BranchState, towards: int) -> BranchResult:
-        options = continuation_options(case.case, towards)
-        return continue_branch(problem, start, options, recorder.record, recorder.limit, should_stop)
-
-    newest = branch.resume_row()
-    if newest is not None:
-        first = read_group(store, group, ("state", "period", table.parameter)).arrays
-        _end(branch, run(resumed_state(newest, first, table.parameter), direction))
-        return
-    report(Progress("continue-cycles", case.case_id, 0, table.max_points, "looking for the first cycle"))
-    failure = NoStart("no cycle was found", "")
-    for found in first_cycles(machine, case.case, problem, Watch(recorder.limit, should_stop)):
-        if should_stop():
-            return
-        if isinstance(found, NoStart):
-            failure = found
-            continue
-        result = run(found.start, found.direction or direction)
-        if result.stop is not BranchStop.START_FAILED:
-            _end(branch, result)
-            return
-        failure = NoStart(f"the first cycle did not converge: {result.message}", result.stop.advice)
-    branch.finish(NO_START, f"{failure.reason}: {failure.advice}")
-
-
-def _end(branch: BranchWriter, result: BranchResult) -> None:
-    """Store why the branch ended; an interrupted one stays open."""
-    if result.stop is not BranchStop.INTERRUPTED:
-        # the limit is this stage's own, and its message says all
-        parts = [result.message, "" if result.stop is BranchStop.LIMIT else result.stop.advice]
-        branch.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))
-
-
-def _result(case: NamedCase, store: Store, groups: list[str]) -> StageResult:
-    """How the branches of a case ended: the case is well when all of them are."""
-    points, reasons, advice = 0, [], []
-    summary: dict[str, str] = {}
-    complete = {stop.name.lower() for stop in COMPLETE}
-    ok = True
+def _period_doublings(job: Job, groups: list[str]) -> Iterator[Origin]:
+    """Located period doublings of the groups, in order."""
     for group in groups:
-        content = read_group(store, group, ("event_kind", f"event_{case.case.continue_cycles.parameter}"))
-        attributes = content.attributes
-        points += attributes["n_points"]
-        reasons.append(attributes["stop_reason"] or "stopped on request")
-        advice.append(attributes["stop_advice"])
-        ended = attributes["status"] == ENDED
-        # a branch without a single point is a failure, whatever ended it
-        ok = ok and (not ended or (attributes["stop_reason"] in complete and attributes["n_points"] > 0))
-        summary |= _events_summary(content.arrays, case.case.continue_cycles.parameter, summary)
-    told = {"points": points} | summary
+        arrays = job.read(group, ("event_kind", "event_residual")).arrays
+        for index, (kind, residual) in enumerate(
+            zip(arrays["event_kind"], arrays["event_residual"], strict=True)
+        ):
+            if kind == PERIOD_DOUBLING and residual == residual:
+                yield Origin(group, index)
+
+
+def _ends_at(job: Job, groups: list[str], origin: Origin) -> bool:
+    """Whether one of the doubled branches has come back to this period doubling: it lies within the last step
+    of that branch.
+    """
+    parameter = job.case.case.continue_cycles.parameter
+    there = float(job.read(origin.group, (f"event_{parameter}",))[f"event_{parameter}"][origin.event])
+    for group in groups:
+        branch = job.read(group, (parameter, "arclength"))
+        start = Origin.of(branch.attributes)
+        if branch.attributes["stop_reason"] != BranchStop.LIMIT.name.lower() or branch.n_points < 2:
+            continue
+        last, step = branch[parameter][-1], branch["arclength"][-1] - branch["arclength"][-2]
+        if start is not None and start.group == origin.group and abs(there - last) <= 2.0 * step:
+            return start.event != origin.event
+    return False
+
+
+def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
+    """How the branches of a case ended: the case is well when all of them are."""
+    parameter = job.case.case.continue_cycles.parameter
+    names = ("event_kind", f"event_{parameter}")
+    branches, trees = (
+        [job.read(group, names) for group in groups],
+        [job.read(group, names) for group in doubled],
+    )
+    told: dict[str, Any] = {"points": sum(branch.n_points for branch in branches)}
+    if trees:
+        told["doubled branches"] = len(trees)
+    for branch in branches + trees:
+        told |= _events_summary(branch.arrays, parameter, told)
+    reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
+    advice = [branch.attributes["stop_advice"] for branch in branches + trees]
+    ok = all(_is_well(branch) for branch in branches + trees)
     # two branches that end alike say so once
     sentences = "; ".join(dict.fromkeys(filter(None, advice)))
-    return StageResult(case.case_id, ok, ", ".join(reasons), sentences, told)
+    return StageResult(job.case.case_id, ok, ", ".join(reasons), sentences, told)
+
+
+def _is_well(branch: Group) -> bool:
+    """Whether a branch is complete, or only interrupted; one without a single point is a failure."""
+    attributes = branch.attributes
+    complete = attributes["stop_reason"] in {stop.name.lower() for stop in COMPLETE} and branch.n_points > 0
+    return attributes["status"] != ENDED or complete
 
 
 def _events_summary(arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any]) -> dict[str, str]:

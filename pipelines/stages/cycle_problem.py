@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,10 +26,15 @@ BUFFER_COLUMNS = 7
 PICARD_TOLERANCE = 1e-2  # of a predictor and a Newton update; a pass with two columns is nearly a whole one
 
 
-def cycle_problem(machine: Machine, case: Case) -> CycleProblem:
-    """The cycles of a case along the parameter that is continued, at the value where the branch starts."""
+def cycle_problem(machine: Machine, case: Case, fixed: Mapping[str, float] | None = None) -> CycleProblem:
+    """The cycles of a case along the parameter that is continued, at the value where the branch starts.
+
+    ``fixed``: other parameters at values that are not the case's own.
+    """
     table, numerics = case.continue_cycles, case.numerics
     parameters = parameter_vector(case)
+    for name, value in (fixed or {}).items():
+        parameters[PARAMETERS.index(name)] = value
     if table.start is not None:
         parameters[PARAMETERS.index(table.parameter)] = table.start
     period_map = PeriodMap(

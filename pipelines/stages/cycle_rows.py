@@ -9,19 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.bifurcations.branch import BranchPoint, BranchState
-from pipelines.bifurcations.detection import Event, EventKind
+from pipelines.bifurcations.detection import Event, EventKind, Resonance
 from pipelines.case.models import PARAMETERS, Case
-from pipelines.datasets.records import Branch, Resume
+from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape
 from pipelines.orbits.shooting import CycleProblem
-from pipelines.stages.cycle_problem import ORBIT_SAMPLES
 
 Array = NDArray[np.float64]
 
 SNAPSHOTS = 8
+EVENT_NAMES = (
+    *(spec.name for spec in KINDS["cycles"].arrays if spec.name.startswith("event_")),
+    "steps_per_period",
+)
 
 
 def branch_sizes(machine: Machine, case: Case, problem: CycleProblem) -> dict[str, int]:
@@ -33,7 +36,7 @@ def branch_sizes(machine: Machine, case: Case, problem: CycleProblem) -> dict[st
         "extended": size + 2,
         "multiplier": columns,
         "column": columns,
-        "sample": ORBIT_SAMPLES,
+        "sample": problem.period_map.samples,
         "coordinate": machine.rotor_freedoms,
         "bearing": BEARINGS,
         "snapshot": SNAPSHOTS,
@@ -42,24 +45,52 @@ def branch_sizes(machine: Machine, case: Case, problem: CycleProblem) -> dict[st
     }
 
 
-def static_arrays(machine: Machine, case: Case) -> dict[str, Any]:
+def static_arrays(machine: Machine, case: Case, problem: CycleProblem) -> dict[str, Any]:
     """Coordinates of a branch's group that are written once."""
+    samples = problem.period_map.samples
     theta = np.full((BEARINGS, max(bearing.settings.nodes for bearing in machine.bearings)), np.nan)
     for index, bearing in enumerate(machine.bearings):
         theta[index, : bearing.settings.nodes] = bearing.angles
     return {
         "theta": theta,
-        "sample": np.arange(ORBIT_SAMPLES) / ORBIT_SAMPLES,
+        "sample": np.arange(samples) / samples,
         "snapshot": np.arange(SNAPSHOTS) / SNAPSHOTS,
+        **coordinates(case),
+    }
+
+
+def coordinates(case: Case) -> dict[str, Any]:
+    """Node and axis of every coordinate of the masters."""
+    return {
         "coordinate_node": np.repeat(np.array(case.rotor.masters, dtype=np.int32), 2),
         "coordinate_axis": np.tile(np.array([0, 1], dtype=np.int8), len(case.rotor.masters)),
     }
 
 
+def unphysical(shape: CycleShape, thinnest: float) -> str | None:
+    """A sentence if a cycle is not physical: a film too thin, or a pressure below vacuum."""
+    film, pressure = shape.film_trace.min(axis=0), shape.lowest_pressure
+    thin, low = int(np.argmin(film)), int(np.argmin(pressure))
+    if film[thin] < thinnest:
+        return (
+            f"the journal touches the foil of bearing {thin}: its film shrinks to {film[thin]:.3g} "
+            f"of the clearance (limit {thinnest:g}); "
+            "lower the excitation or the load, or the limit continue_cycles.minimum_film"
+        )
+    if pressure[low] <= 0.0:
+        return (
+            f"the pressure in bearing {low} falls below vacuum ({pressure[low]:.3g} of ambient): "
+            "the film grid does not resolve it; raise numerics.circumferential"
+        )
+    return None
+
+
 class BranchRecorder:
-    """Writes every accepted point of a branch, and stops the branch where a film is not physical any more.
+    """Writes every accepted point of a branch, and stops the branch where a film is not physical any more, or
+    where cycles of ``turns`` > 1 excitation periods have passed through those of half their period.
 
     The shape of a cycle is needed by both and computed once, in ``limit``, which the engine asks first.
+    ``before``: orbit of the masters (samples, 2 masters) at the last point of a branch that goes on.
     """
 
     def __init__(
@@ -68,37 +99,41 @@ class BranchRecorder:
         branch: Branch,
         thinnest: float,
         told: Callable[[BranchPoint, BranchState, tuple[Event, ...]], None],
+        turns: int = 1,
+        before: Array | None = None,
     ) -> None:
         self._machine, self._branch, self._thinnest, self._told = machine, branch, thinnest, told
+        self._turns, self._before = turns, before
         self._shape: CycleShape | None = None
 
     def limit(self, point: BranchPoint) -> str | None:
-        """A sentence if the point is not physical: a film too thin, or a pressure below vacuum."""
+        """A sentence if the point does not belong to the branch (see the class)."""
         cycle = point.cycle
-        self._shape = cycle_shape(self._machine, cycle.image.orbit, cycle.parameters, snapshots=SNAPSHOTS)
-        film, pressure = self._shape.film_trace.min(axis=0), self._shape.lowest_pressure
-        thin, low = int(np.argmin(film)), int(np.argmin(pressure))
-        if film[thin] < self._thinnest:
-            return (
-                f"the journal touches the foil of bearing {thin}: its film shrinks to {film[thin]:.3g} "
-                f"of the clearance (limit {self._thinnest:g}); "
-                "lower the excitation or the load, or the limit continue_cycles.minimum_film"
-            )
-        if pressure[low] <= 0.0:
-            return (
-                f"the pressure in bearing {low} falls below vacuum ({pressure[low]:.3g} of ambient): "
-                "the film grid does not resolve it; raise numerics.circumferential"
-            )
-        return None
+        self._shape = cycle_shape(
+            self._machine, cycle.image.orbit, cycle.parameters, self._turns, snapshots=SNAPSHOTS
+        )
+        if self._turns > 1 and self._before is not None:
+            # beyond a period doubling the same cycles come again, shifted by half their period
+            if float(_halves_apart(self._before) @ _halves_apart(self._shape.orbit)) <= 0.0:
+                return (
+                    "the branch has come back to the cycles of half its period, at their next period doubling"
+                )
+        return unphysical(self._shape, self._thinnest)
 
     def record(self, point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
         """Commit the point ``limit`` has just passed, with the events that lead to it."""
         assert self._shape is not None
+        self._before = self._shape.orbit
         rows = [event_row(event, state.index - 1) for event in events]
         rows += [unlocated_row(kind, point, state.index - 1) for kind in point.unlocated]
         slots = {"basis": state.basis, "basis_columns": state.basis.shape[1]}
         self._branch.commit(point_row(point, state, self._shape), slots, rows)
         self._told(point, state, events)
+
+
+def _halves_apart(orbit: Array) -> Array:
+    """How far the masters move in half a period: zero for a cycle of half the period."""
+    return np.asarray(orbit[0] - orbit[len(orbit) // 2])
 
 
 def point_row(point: BranchPoint, state: BranchState, shape: CycleShape) -> dict[str, Any]:
@@ -169,6 +204,30 @@ def unlocated_row(kind: EventKind, point: BranchPoint, after_point: int) -> dict
         "event_resonance": np.int8(cycles.array("event_resonance").flag("none")),
         "event_residual": np.nan,
     }
+
+
+def stored_event(branch: Group, index: int) -> Event:
+    """A located bifurcation read back; of ``branch`` the arrays ``EVENT_NAMES`` are needed."""
+    arrays = branch.arrays
+    multipliers = arrays["event_multipliers"][index]
+    multipliers = multipliers[np.isfinite(multipliers)]
+    angle = float(arrays["event_angle"][index])
+    name = KINDS["cycles"].array("event_kind").flags[int(arrays["event_kind"][index])]
+    after = min(int(arrays["event_after_point"][index]) + 1, branch.n_points - 1)
+    return Event(
+        kind=EventKind[name.upper()],
+        parameters=np.array([arrays[f"event_{parameter}"][index] for parameter in PARAMETERS]),
+        state=np.array(arrays["event_state"][index]),
+        period=float(arrays["event_period"][index]),
+        multipliers=multipliers,
+        critical=complex(np.exp(1j * angle)),
+        angle=angle,
+        transversality=float(arrays["event_transversality"][index]),
+        resonance=Resonance(max(0, int(arrays["event_resonance"][index]))),
+        residual=float(arrays["event_residual"][index]),
+        fraction=float("nan"),
+        steps=int(arrays["steps_per_period"][after]),
+    )
 
 
 def resumed_state(newest: Resume, first: Mapping[str, Array], parameter: str) -> BranchState:

@@ -17,7 +17,16 @@ from pipelines.case.reading import NamedCase
 from pipelines.datasets.store import StoreError
 from pipelines.stages.results import FailedBy, Report, ShouldStop, StageResult
 
-STAGES = ("linearize", "criticals", "continue_cycles", "transient")
+STAGES = (
+    "linearize",
+    "criticals",
+    "continue_cycles",
+    "track_pd",
+    "track_ns",
+    "track_folds",
+    "bifurcation_set",
+    "transient",
+)
 
 
 class Stage(Protocol):

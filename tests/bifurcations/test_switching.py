@@ -16,8 +16,8 @@ from pipelines.bifurcations.switching import (
     curve_from_event,
     doubled_branch,
     doubled_map,
-    lies_on_curve,
 )
+from pipelines.bifurcations.traced import TracedCurve
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
@@ -81,15 +81,16 @@ def test_curve_of_doubled_flips(henon_flip: tuple[CycleProblem, Event]) -> None:
     run = trace(curves, begin, CurveOptions(((0.0, 3.0), (-0.5, 0.6)), direction=-1, maximum_step=0.1))
     a, b = run.parameters.T
     assert np.max(np.abs(a - (1 - b) ** 2 - (1 + b) ** 2 / 4.0)) < 1e-8
-    assert lies_on_curve(begin, run.points)
-    middle = run.points[len(run.points) // 2]
-    there = replace(begin, state=middle.cycle.unknowns.state, parameters=tuple(middle.parameters))
-    assert lies_on_curve(there, run.points)
-    # between the recorded points it is near their chord
-    assert lies_on_curve(there, [point for point in run.points if point is not middle])
+    curve = TracedCurve.of(run.states)
+    assert curve.holds(begin)
+    middle = run.states[len(run.states) // 2]
+    there = replace(begin, state=middle.state, parameters=tuple(middle.parameters))
+    assert curve.holds(there)
+    # between the recorded points it is on their cubic
+    assert TracedCurve.of([state for state in run.states if state is not middle]).holds(there)
     beside = (there.parameters[0] + 0.01, there.parameters[1])
-    assert not lies_on_curve(replace(there, parameters=beside), run.points)
-    assert not lies_on_curve(replace(there, state=there.state + 0.5), run.points)
+    assert not curve.holds(replace(there, parameters=beside))
+    assert not curve.holds(replace(there, state=there.state + 0.5))
 
 
 @pytest.mark.parametrize("formulation", list(Formulation))

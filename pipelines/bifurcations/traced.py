@@ -1,0 +1,111 @@
+"""Curves that are already there: whether a bifurcation point lies on one of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipelines.bifurcations.curve import CurveStart, CurveState
+from pipelines.bifurcations.walking import hermite_weights
+from pipelines.orbits.system import Matrix, Vector
+
+_PROJECTIONS = 4  # of the point onto the cubic; the chord's foot is already near
+_OVERHANG = 0.05  # part of a segment by which the foot may lie beyond its ends
+_NOISE = 1e-6  # distance in the scaled parameters that different time steps may cause
+
+
+@dataclass(frozen=True)
+class TracedCurve:
+    """A bifurcation curve, its n points in order and cubic in between.
+
+    ``parameters`` and ``tangents`` = d parameters / d arclength, both (n, 2); ``arclength`` (n,); ``states``
+    (n, N); ``angles`` (n,) of the critical multiplier in [0, pi].
+    """
+
+    parameters: Matrix
+    tangents: Matrix
+    arclength: Vector
+    states: Matrix
+    angles: Vector
+
+    @classmethod
+    def of(cls, states: Sequence[CurveState]) -> TracedCurve:
+        """The curve through recorded states."""
+        kappa = np.array([state.kappa for state in states])
+        return cls(
+            np.array([state.parameters for state in states]),
+            np.array([state.tangent_parameters for state in states]),
+            np.array([state.arclength for state in states]),
+            np.array([state.state for state in states]),
+            np.arccos(np.clip(kappa, -1.0, 1.0)),
+        )
+
+    def holds(
+        self,
+        start: CurveStart,
+        scales: tuple[float, float] = (1.0, 1.0),
+        angle_tolerance: float = 0.2,
+        tolerance: float = 0.02,
+    ) -> bool:
+        """Whether a bifurcation point of the same kind lies on the curve.
+
+        Its parameters, divided by ``scales``, must be within ``tolerance`` times the length of a segment of
+        the cubic through that segment's ends.  The state must be near too, and so must the angle, because
+        two curves may cross in the parameters.
+        """
+        target = np.array(start.parameters) / scales
+        return any(
+            self._on_segment(first, start, target, np.array(scales), angle_tolerance, tolerance)
+            for first in range(len(self.arclength) - 1)
+        )
+
+    def _on_segment(
+        self,
+        first: int,
+        start: CurveStart,
+        target: Vector,
+        scales: Vector,
+        angle_tolerance: float,
+        tolerance: float,
+    ) -> bool:
+        ends, slopes = (part[first : first + 2] / scales for part in (self.parameters, self.tangents))
+        length = float(self.arclength[first + 1] - self.arclength[first])
+        chord = ends[1] - ends[0]
+        extent = float(np.linalg.norm(chord))
+        near = extent + length * float(np.abs(slopes).max())
+        if length <= 0.0 or float(np.linalg.norm(target - ends[0])) > 2.0 * near + _NOISE:
+            return False
+        along = 0.5 if extent == 0.0 else float((target - ends[0]) @ chord) / extent**2
+        for _ in range(_PROJECTIONS):
+            there, slope = _cubic(ends, slopes, length, along)
+            squared = float(slope @ slope)
+            along += 0.0 if squared == 0.0 else float((target - there) @ slope) / squared
+            along = min(1.0 + 2.0 * _OVERHANG, max(-2.0 * _OVERHANG, along))
+        if not -_OVERHANG <= along <= 1.0 + _OVERHANG:
+            return False
+        off = float(np.linalg.norm(target - _cubic(ends, slopes, length, along)[0]))
+        return off <= tolerance * near + _NOISE and self._same_cycle(first, along, start, angle_tolerance)
+
+    def _same_cycle(self, first: int, along: float, start: CurveStart, angle_tolerance: float) -> bool:
+        old, new = self.states[first], self.states[first + 1]
+        guess = old + along * (new - old)
+        spread = float(np.max(np.abs(new - old)))
+        apart = float(np.max(np.abs(start.state - guess)))
+        if apart > max(spread, 1e-6 * max(1.0, float(np.max(np.abs(guess))))):
+            return False
+        angle = self.angles[first] + along * (self.angles[first + 1] - self.angles[first])
+        return start.angle is None or math.isnan(start.angle) or abs(start.angle - angle) <= angle_tolerance
+
+
+def _cubic(ends: Matrix, slopes: Matrix, length: float, at: float) -> tuple[Vector, Vector]:
+    """Point and derivative by the fraction of the Hermite cubic of a segment."""
+    w0, d0, w1, d1 = hermite_weights(at, length)
+    point = w0 * ends[0] + d0 * slopes[0] + w1 * ends[1] + d1 * slopes[1]
+    rise = 6.0 * at * (1.0 - at)
+    slope = rise * (ends[1] - ends[0]) + length * (
+        (1.0 - at) * (1.0 - 3.0 * at) * slopes[0] + at * (3.0 * at - 2.0) * slopes[1]
+    )
+    return point, slope

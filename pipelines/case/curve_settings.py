@@ -1,0 +1,133 @@
+"""Tables of the bifurcation curves: what to follow, in which plane, and how to search it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import ValidationInfo, field_validator
+
+from pipelines.case.fields import InconsistentError, Number, Table, choice, quantity, table
+
+Parameter = Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"]
+Interval = tuple[Number, Number]
+
+
+class TrackCurves(Table):
+    """Curves of period doublings, Neimark-Sacker points and folds over two parameters."""
+
+    parameters: tuple[Parameter, Parameter] = table(
+        "the two dimensionless parameters of the plane: horizontal, vertical",
+        ("excitation_frequency", "speed"),
+    )
+    ranges: tuple[Interval, Interval] = table(
+        "values of the two parameters between which curves are followed", ((0.2, 2.0), (0.2, 1.4)), unit="1"
+    )
+    formulation: Literal["bordered", "extended"] = choice(
+        "`bordered`: one test function closes the system; `extended`: eigenvectors as unknowns", "bordered"
+    )
+    step: float = quantity("first arclength step", "1", 0.02, above=0, because="a curve is followed in steps")
+    minimum_step: float = quantity(
+        "a curve ends when a step would be shorter",
+        "1",
+        1e-6,
+        above=0,
+        because="a curve is followed in steps",
+    )
+    maximum_step: float = quantity(
+        "longest arclength step", "1", 0.05, above=0, because="a curve is followed in steps"
+    )
+    max_points: int = quantity(
+        "a curve ends after this many points, in each of its two directions",
+        "",
+        400,
+        at_least=1,
+        at_most=100_000,
+        because="the store is laid out for them",
+    )
+    max_curves: int = quantity(
+        "most curves of each kind", "", 50, at_least=1, at_most=999, because="they are numbered c000 to c999"
+    )
+    normal_forms: bool = table(
+        "whether sub- and supercritical are told apart by the normal form at every point", True
+    )
+
+    @field_validator("parameters")
+    @classmethod
+    def _two(cls, value: tuple[str, str]) -> tuple[str, str]:
+        if value[0] == value[1]:
+            raise InconsistentError("must be two different parameters: a curve needs a plane")
+        return value
+
+    @field_validator("ranges")
+    @classmethod
+    def _rising(cls, value: tuple[Interval, Interval], info: ValidationInfo) -> tuple[Interval, Interval]:
+        names = info.data.get("parameters", ("", ""))
+        problems: list[tuple[tuple[int | str, ...], str]] = []
+        for index, ((low, high), name) in enumerate(zip(value, names, strict=True)):
+            if not low < high:
+                problems.append(((index,), f"must be [low, high] with low < high, given [{low:g}, {high:g}]"))
+            elif name == "displacement" and not (low >= 0 and high < 1):
+                problems.append(((index,), "must lie within 0 <= displacement < 1: the ring closes the film"))
+            elif name != "displacement" and low <= 0:
+                problems.append(((index,), "must be > 0: this parameter is positive"))
+        if problems:
+            raise InconsistentError(*problems)
+        return value
+
+    @field_validator("maximum_step")
+    @classmethod
+    def _steps(cls, value: float, info: ValidationInfo) -> float:
+        minimum, step = info.data.get("minimum_step", 0.0), info.data.get("step", value)
+        if not minimum <= step <= value:
+            raise InconsistentError(
+                f"minimum_step <= step <= maximum_step must hold, given {minimum:g}, {step:g}, {value:g}"
+            )
+        return value
+
+
+class BifurcationSet(Table):
+    """The search of `agfb run` for all curves of the plane excitation frequency x speed of [track_curves]."""
+
+    frequencies: int = quantity(
+        "branches along the speed in the first round, at equally spaced excitation frequencies",
+        "",
+        6,
+        at_least=0,
+        at_most=1000,
+        because="0 leaves them out",
+    )
+    speeds: int = quantity(
+        "branches along the excitation frequency in the first round, at equally spaced speeds",
+        "",
+        4,
+        at_least=0,
+        at_most=1000,
+        because="0 leaves them out",
+    )
+    resonances: bool = table(
+        "whether the first round also has branches along the speed at the predicted parametric resonances",
+        True,
+    )
+    max_rounds: int = quantity(
+        "most rounds of fresh branches; the search is complete when a round meets no new curve",
+        "",
+        4,
+        at_least=1,
+        at_most=50,
+        because="each round has about as many branches as the first",
+    )
+    maximum_step: float = quantity(
+        "longest arclength step of these branches",
+        "1",
+        0.05,
+        above=0,
+        because="a tongue narrower than a step can be missed",
+    )
+    smallest_film: float = quantity(
+        "the branches along the speed begin at the lowest speed whose equilibrium leaves this film",
+        "1",
+        0.05,
+        above=0,
+        below=1,
+        because="below it the equilibrium is of no use",
+    )

@@ -1,0 +1,340 @@
+"""Curves of one kind through every bifurcation of a store that is on none of them yet.
+
+Where a curve can start: at the bifurcations of all branches of cycles, and where it joins a stored curve of
+another kind (period doubling and Neimark-Sacker at R2, fold and Neimark-Sacker at R1).  Starts are taken in
+the order of their groups; each is compared with the curves traced before it, so that the curves of a case do
+not depend on interruptions, and a store with more branches gets more curves, never others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pipelines.bifurcations.curve import (
+    CurveOptions,
+    CurvePoint,
+    CurveResult,
+    CurveStart,
+    CurveState,
+    CurveStop,
+    SpecialPoint,
+)
+from pipelines.bifurcations.curve_continuation import continue_curve
+from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.normal_forms import NormalFormOptions
+from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
+from pipelines.bifurcations.switching import curve_from_event, joined_curve
+from pipelines.case.models import PARAMETERS
+from pipelines.case.reading import NamedCase
+from pipelines.datasets.branch import BranchWriter, open_branch
+from pipelines.datasets.records import ENDED, Group
+from pipelines.datasets.schema import KINDS
+from pipelines.machine.assembly import parameter_vector
+from pipelines.stages.branch_run import turned
+from pipelines.stages.curve_rows import (
+    CONTAINERS,
+    SPECIAL_NAMES,
+    TRACED,
+    CurveRecorder,
+    curve_sizes,
+    resumed_state,
+    stored_special,
+    traced,
+)
+from pipelines.stages.cycle_problem import cycle_problem
+from pipelines.stages.cycle_rows import EVENT_NAMES, coordinates, stored_event
+from pipelines.stages.job import Job, Origin
+from pipelines.stages.results import Report, ShouldStop, StageResult
+
+COMPLETE = frozenset(
+    {
+        CurveStop.RANGE,
+        CurveStop.CLOSED,
+        CurveStop.RESONANCE_1,
+        CurveStop.RESONANCE_2,
+        CurveStop.MAXIMUM_POINTS,
+        CurveStop.LIMIT,
+    }
+)
+BOTH_WAYS = (1, -1)
+JOINS = {
+    EventKind.PERIOD_DOUBLING: (EventKind.NEIMARK_SACKER,),
+    EventKind.NEIMARK_SACKER: (EventKind.PERIOD_DOUBLING, EventKind.FOLD),
+    EventKind.FOLD: (EventKind.NEIMARK_SACKER,),
+}
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a curve may start, and for cycles of how many excitation periods."""
+
+    origin: Origin
+    problem: CurveProblem
+    guess: CurveStart
+    turns: int
+
+
+def track_curves(
+    kind: EventKind, case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+) -> StageResult:
+    """Fill the groups ``pd/c000``, ``ns/c000`` or ``folds/c000``, ... of a case; resumes behind the last
+    point.
+    """
+    stage = {"pd": "track-pd", "ns": "track-ns", "folds": "track-folds"}[CONTAINERS[kind]]
+    job = Job.of(stage, case, store_path, report, should_stop)
+    return curves_result(job, kind, *trace_all(job, kind))
+
+
+def trace_all(job: Job, kind: EventKind) -> tuple[int, int]:
+    """Trace every curve of a kind that the store's bifurcations start, and count those which started
+    nothing: outside the plane, beyond the largest number of curves.
+    """
+    outside, refused, known = 0, 0, _curves(job, kind)
+    for start in _starts(job, kind):
+        if job.should_stop():
+            break
+        mine = [name for name, curve in known.items() if Origin.of(curve.attributes) == start.origin]
+        if not mine:
+            if not _is_inside(job, start):
+                outside += 1
+                continue
+            if any(_lies_on(job, start, curve) for curve in known.values()):
+                continue
+            if len(known) >= job.case.case.track_curves.max_curves:
+                refused += 1
+                continue
+        _trace_both_ways(job, kind, start, mine, len(known))
+        known = _curves(job, kind)
+    return outside, refused
+
+
+def _starts(job: Job, kind: EventKind) -> Iterator[Start]:
+    """Every bifurcation of the kind that was located on a branch, then every special point that it joins."""
+    flag = KINDS["cycles"].array("event_kind").flag(kind.name.lower())
+    for group in job.groups("cycles"):
+        branch = job.read(group, EVENT_NAMES)
+        for index in range(branch.n_events):
+            if branch["event_kind"][index] == flag and np.isfinite(branch["event_residual"][index]):
+                yield _start_at_event(job, branch, Origin(group, index))
+    for other in JOINS[kind]:
+        for group in job.groups(CONTAINERS[other]):
+            yield from _starts_on_curve(job, kind, other, group)
+
+
+def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
+    table, turns = job.case.case.track_curves, int(branch.attributes.get("turns", 1))
+    event = stored_event(branch, origin.event)
+    cycles = turned(cycle_problem(job.machine, job.case.case), turns)
+    problem, guess = curve_from_event(cycles, event, table.parameters, CurveFormulation(table.formulation))
+    return Start(origin, problem, guess, turns)
+
+
+def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) -> Iterator[Start]:
+    """Curves of `kind` through the special points of a curve of another kind."""
+    curve = job.read(group, SPECIAL_NAMES)
+    turns = int(curve.attributes["turns"])
+    for index in range(curve.n_events):
+        if not np.isfinite(curve["event_residual"][index]):
+            continue
+        special = stored_special(curve, index)
+        joined = joined_curve(curve_problem(job, other, turns, special.parameters), special)
+        if joined is not None and joined[0].kind is kind:
+            yield Start(Origin(group, index), joined[0], joined[1], turns)
+
+
+def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:
+    """Curves of a kind over the plane of the case, the other parameters as given."""
+    case = job.case.case
+    cycles = turned(cycle_problem(job.machine, case), turns)
+    return CurveProblem(
+        cycles.period_map,
+        kind,
+        parameters,
+        case.track_curves.parameters,
+        cycles.options,
+        CurveFormulation(case.track_curves.formulation),
+    )
+
+
+def _curves(job: Job, kind: EventKind) -> dict[str, Group]:
+    """All curves of a kind, as far as `lies_on` needs them."""
+    names = (*TRACED, *job.case.case.track_curves.parameters)
+    return {group: job.read(group, names) for group in job.groups(CONTAINERS[kind])}
+
+
+def _is_inside(job: Job, start: Start) -> bool:
+    ranges = job.case.case.track_curves.ranges
+    return all(
+        low <= value <= high for value, (low, high) in zip(start.guess.parameters, ranges, strict=True)
+    )
+
+
+def _lies_on(job: Job, start: Start, curve: Group) -> bool:
+    """Whether a start is on a stored curve of the same kind and period.
+
+    Cycles of several turns are the same whichever turn they are sampled at.
+    """
+    if curve.attributes["turns"] != start.turns or curve.n_points < 2:
+        return False
+    line = traced(curve, start.problem.names)
+    return any(line.holds(guess, parameter_scales(job)) for guess in _samplings(start))
+
+
+def _samplings(start: Start) -> Iterator[CurveStart]:
+    """The start sampled at each of its turns."""
+    yield start.guess
+    if start.turns == 1:
+        return
+    period_map = start.problem.period_map
+    parameters = start.problem.parameters.copy()
+    parameters[list(start.problem.indices)] = start.guess.parameters
+    period = start.guess.period
+    steps = period_map.minimum_steps if period_map.steps_per_period is None else period_map.steps_per_period
+    orbit = period_map.evaluate(start.guess.state, parameters, period, 4 * steps).orbit
+    for turn in range(1, start.turns):
+        yield replace(start.guess, state=orbit[turn * len(orbit) // start.turns])
+
+
+def parameter_scales(job: Job) -> tuple[float, float]:
+    """Changes of the two free parameters that count as one: of a foil stiffness the case's own value."""
+    values = dict(zip(PARAMETERS, parameter_vector(job.case.case), strict=True))
+    first, second = (
+        float(values[name]) if name == "foil_stiffness" else 1.0
+        for name in job.case.case.track_curves.parameters
+    )
+    return first, second
+
+
+def _trace_both_ways(job: Job, kind: EventKind, start: Start, mine: list[str], known: int) -> None:
+    """Trace the curve through a start: one group, or two when it is open and the start inside it."""
+    groups = list(mine)
+    for half, direction in enumerate(BOTH_WAYS):
+        if half == len(groups):
+            if half == 1 and _is_whole(job, kind, start, groups[0]):
+                return
+            groups.append(f"{CONTAINERS[kind]}/c{known:03d}")
+            known += 1
+        trace_curve(job, start, groups[half], half, direction)
+        if job.should_stop():
+            return
+
+
+def _is_whole(job: Job, kind: EventKind, start: Start, group: str) -> bool:
+    """Whether nothing is left to trace in the other direction: the curve is closed, could not be started, or
+    is a Neimark-Sacker curve that leaves a resonance, where it ends.
+    """
+    attributes = job.read(group, ()).attributes
+    closed = attributes["stop_reason"] == CurveStop.CLOSED.name.lower()
+    leaves_resonance = kind is EventKind.NEIMARK_SACKER and not start.origin.group.startswith("cycles/")
+    return closed or attributes["n_points"] == 0 or leaves_resonance
+
+
+def trace_curve(job: Job, start: Start, group: str, half: int, direction: int) -> None:
+    """Follow a curve from its start, or from its last committed point, until it ends or is asked to stop."""
+    table = job.case.case.track_curves
+    attributes = {
+        "bifurcation": start.problem.kind.name.lower(),
+        "parameters": list(table.parameters),
+        "ranges": [list(interval) for interval in table.ranges],
+        "turns": start.turns,
+        "origin": start.origin.as_dict(),
+        "half": half,
+        # more points and more curves may be asked for later; everything else must stay as it was
+        "request": table.model_dump(mode="json", exclude={"max_points", "max_curves"}),
+    }
+    sizes = curve_sizes(job.machine, job.case.case, start.problem)
+    static = coordinates(job.case.case)
+    with open_branch(job.store, job.path(group), "curve", sizes, static, attributes) as curve:
+        if not _is_complete(curve, table.max_points):
+            _follow(job, start, group, curve, direction)
+
+
+def _is_complete(curve: BranchWriter, max_points: int) -> bool:
+    """Whether an earlier run has ended the curve for good."""
+    if curve.status != ENDED:
+        return False
+    newest = curve.resume_row()
+    return (
+        newest is None
+        or newest.stop_reason != CurveStop.MAXIMUM_POINTS.name.lower()
+        or newest.n_points >= max_points
+    )
+
+
+def _follow(job: Job, start: Start, group: str, curve: BranchWriter, direction: int) -> None:
+    thinnest = job.case.case.continue_cycles.minimum_film
+    recorder = CurveRecorder(job.machine, start.problem, curve, thinnest, _teller(job, start, group))
+    newest, names = curve.resume_row(), start.problem.names
+    begin: CurveStart | CurveState = start.guess
+    if newest is not None:
+        first = job.read(group, ("state", "period", *names)).arrays
+        begin = resumed_state(newest, first, names)
+    else:
+        job.tell(0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}")
+    options = curve_options(job, direction)
+    result = continue_curve(start.problem, begin, options, recorder.record, recorder.limit, job.should_stop)
+    _end(curve, result)
+
+
+def curve_options(job: Job, direction: int) -> CurveOptions:
+    """Options of the continuation from the case's table."""
+    table = job.case.case.track_curves
+    return CurveOptions(
+        ranges=table.ranges,
+        direction=direction,
+        step=table.step,
+        minimum_step=table.minimum_step,
+        maximum_step=table.maximum_step,
+        max_points=table.max_points,
+        parameter_scales=parameter_scales(job),
+        normal_form=NormalFormOptions() if table.normal_forms else None,
+    )
+
+
+def _teller(
+    job: Job, start: Start, group: str
+) -> Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None]:
+    """What is told of every recorded point."""
+    limit, names = job.case.case.track_curves.max_points, start.problem.names
+
+    def told(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
+        where = ", ".join(f"{name} {value:.5g}" for name, value in zip(names, state.parameters, strict=True))
+        found = "".join(f", {special.kind.name.lower().replace('_', ' ')}" for special in specials)
+        job.tell(state.index + 1, limit, f"{group}: {where}{found}")
+
+    return told
+
+
+def _end(curve: BranchWriter, result: CurveResult) -> None:
+    """Store why the curve ended; an interrupted one stays open."""
+    if result.stop is not CurveStop.INTERRUPTED:
+        # the limit is this stage's own, and its message says all
+        parts = [result.message, "" if result.stop is CurveStop.LIMIT else result.stop.advice]
+        curve.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))
+
+
+def curves_result(job: Job, kind: EventKind, outside: int, refused: int) -> StageResult:
+    """How the curves of a case ended: the case is well when all of them are complete."""
+    curves = [job.read(group, ("event_kind",)) for group in job.groups(CONTAINERS[kind])]
+    complete = {stop.name.lower() for stop in COMPLETE}
+    ended = [curve for curve in curves if curve.attributes["status"] == ENDED]
+    ok = not refused and all(
+        curve.attributes["stop_reason"] in complete and curve.n_points > 0 for curve in ended
+    )
+    specials: list[str] = []
+    for curve in curves:
+        specials += [label.replace("_", " ") for label in curve.labels("event_kind").tolist()]
+    summary = {"curves": len(curves), "points": sum(curve.n_points for curve in curves)}
+    summary |= {name: specials.count(name) for name in dict.fromkeys(specials)}
+    if outside:
+        summary["starts outside the plane"] = outside
+    reasons = [curve.attributes["stop_reason"] or "stopped on request" for curve in curves]
+    advice = [curve.attributes["stop_advice"] for curve in curves]
+    if refused:
+        advice.append(f"{refused} more curves were not traced: raise track_curves.max_curves")
+    reason = ", ".join(dict.fromkeys(reasons)) or f"no {kind.name.lower().replace('_', ' ')} to start from"
+    return StageResult(job.case.case_id, ok, reason, "; ".join(dict.fromkeys(filter(None, advice))), summary)

@@ -1,0 +1,74 @@
+"""What every step of a stage on one case needs: the case, its machine, its store, and whom to tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipelines.case.reading import NamedCase
+from pipelines.datasets.reading import list_groups, read_group
+from pipelines.datasets.records import ENDED, Group
+from pipelines.datasets.store import Store, open_for_writing
+from pipelines.machine.assembly import Machine, build_machine
+from pipelines.stages.results import Progress, Report, ShouldStop
+
+
+@dataclass(frozen=True)
+class Job:
+    """One stage on one case. `stage` is the name of the command that progress is told under."""
+
+    stage: str
+    case: NamedCase
+    machine: Machine
+    store: Store
+    report: Report
+    should_stop: ShouldStop
+
+    @classmethod
+    def of(
+        cls, stage: str, case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+    ) -> Job:
+        """The job of a stage's arguments."""
+        store = open_for_writing(store_path)
+        return cls(stage, case, build_machine(case.case), store, report, should_stop)
+
+    def tell(self, done: int, total: int | None, message: str) -> None:
+        """Report progress."""
+        self.report(Progress(self.stage, self.case.case_id, done, total, message))
+
+    def path(self, group: str) -> str:
+        """Full name of one of the case's groups: cycles/b000 -> cases/kb10/cycles/b000."""
+        return f"cases/{self.case.case_id}/{group}"
+
+    def read(self, group: str, names: Sequence[str] | None = None) -> Group:
+        """One of the case's groups."""
+        return read_group(self.store, self.path(group), names)
+
+    def groups(self, *containers: str) -> list[str]:
+        """The case's groups within containers such as cycles, pd or ns, sorted by name."""
+        known = (name.split("/", 2)[2] for name in list_groups(self.store, self.case.case_id))
+        return [name for name in known if name.split("/")[0] in containers]
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The bifurcation from which a branch or a curve starts: row `event` of a group such as cycles/b000."""
+
+    group: str
+    event: int
+
+    def as_dict(self) -> dict[str, str | int]:
+        """The origin as an attribute."""
+        return {"group": self.group, "event": self.event}
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, object]) -> Origin | None:
+        """The origin among the attributes of a group; None when it has none."""
+        stored = attributes.get("origin")
+        return cls(str(stored["group"]), int(stored["event"])) if isinstance(stored, dict) else None
+
+
+def unfinished(groups: Iterator[Group]) -> bool:
+    """Whether any of the groups is not ended."""
+    return any(group.attributes["status"] != ENDED for group in groups)

@@ -1,0 +1,15 @@
+"""`agfb track-folds`: fold curves, and those that join Neimark-Sacker curves at R1."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipelines.bifurcations.detection import EventKind
+from pipelines.case.reading import NamedCase
+from pipelines.stages.curve_tracking import track_curves
+from pipelines.stages.results import Report, ShouldStop, StageResult
+
+
+def track_folds(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Fill the groups ``folds/c000``, ... of a case from the bifurcations in its store."""
+    return track_curves(EventKind.FOLD, case, store_path, report, should_stop)
