@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 
 import pytest
 
@@ -65,6 +67,18 @@ def test_neither_table_changes_the_identity_of_the_case(text):
     plain = physics_hash(case_of(text))
     assert physics_hash(case_of(text, "unbalance.grade=2.5", "unbalance.rated_speed=1.0")) == plain
     assert physics_hash(case_of(text, "transient.duration=7.0")) == plain
+
+
+def test_the_example_of_the_readme_is_valid(text):
+    readme = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+    (example,) = [
+        block
+        for block in re.findall(r"^```toml\n(.*?)^```", readme, flags=re.DOTALL | re.MULTILINE)
+        if "[transient]" in block
+    ]
+    case = case_of(text + example)
+    assert case.transient.units == "si"
+    assert case.unbalance is not None
 
 
 UNBALANCE, RUN = "[unbalance]\n", "[transient]\n"
