@@ -42,6 +42,7 @@ _MATRIX = types.float64[:, ::1]
 _INTEGERS = types.int64[::1]
 
 _TIME_ROUNDING = 1e-9  # of a step or a sample interval: what falls on an end belongs to what ends there
+_STAGES_PER_FACTORS = 3  # measured: a tenth faster than with one factorisation in a step
 _FEWEST_STEPS = 32  # also for the cubic interpolation of the samples
 _MOST_STEPS = 800
 _LONGEST_BLOCK = 20_000  # steps: a few seconds, after which a request to stop is heard
@@ -129,7 +130,8 @@ def integrate(  # type: ignore[no-untyped-def]
             forced[:] = right
             for k in range(pushed):
                 forced[push_row + k] += weight * (along * push[0, k] + across * push[1, k])
-            if not _solve_stage(system, phase, weight, i > 1, forced, factors, stage, trial, line):
+            factored = i % _STAGES_PER_FACTORS != 1
+            if not _solve_stage(system, phase, weight, factored, forced, factors, stage, trial, line):
                 return 1
             for k in range(n):
                 current[i, k] = (stage[k] - right[k]) / weight
