@@ -19,6 +19,7 @@ from agfb_cli.commands import (
     run,
     schema,
     track_curves,
+    transient,
     validate,
 )
 
@@ -92,6 +93,7 @@ app.command("continue", help="The same as continue-cycles.")(continue_cycles.con
 app.command("track-pd", help=track_curves.PERIOD_DOUBLING_HELP)(track_curves.track_pd)
 app.command("track-ns", help=track_curves.NEIMARK_SACKER_HELP)(track_curves.track_ns)
 app.command("track-folds", help=track_curves.FOLD_HELP)(track_curves.track_folds)
+app.command("transient", help=transient.HELP)(transient.transient)
 app.command("run", help=run.HELP)(run.run)
 app.command("figures")(figures.figures)
 app.command("validate")(validate.validate)

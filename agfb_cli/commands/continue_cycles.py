@@ -8,7 +8,8 @@ HELP = """Limit cycles, Floquet multipliers and bifurcations.
 
 Folds, period doublings and Neimark-Sacker points are located along the branch. Continues in the parameter
 continue_cycles.parameter over continue_cycles.range. Every point is committed as it is found; an
-interrupted branch goes on from its last point. Writes cases/CASE/cycles/b000 into the store.
+interrupted branch goes on from its last point. With continue_cycles.doublings the branches of period-doubled
+cycles follow. Writes cases/CASE/cycles/b000 (and d000, ...) into the store.
 """
 
 continue_cycles = stage_command(("continue_cycles",))

@@ -39,6 +39,7 @@ SECONDS_BEFORE_ANNOUNCEMENT = 2.0
 REFINABLE = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds", "bifurcation_set"})
 """Stages that locate bifurcations: their commands have the option `--refine`."""
 Afterwards = Callable[[Path, str | None, Console], list[Path]]
+Admit = Callable[[Sequence["NamedCase"]], None]
 
 
 @dataclass(frozen=True)
@@ -120,10 +121,16 @@ def close(outcome: Outcome, request: Request, afterwards: Afterwards | None, con
         show_outcome(outcome, request.store, files, console)
 
 
-def execute(stages: Sequence[str], request: Request, console: Console) -> Outcome:
-    """Run `stages` as requested and show each result as it arrives; raises typer.Exit when interrupted."""
+def execute(stages: Sequence[str], request: Request, console: Console, admit: Admit | None = None) -> Outcome:
+    """Run `stages` as requested and show each result as it arrives; raises typer.Exit when interrupted.
+
+    `admit` looks at the chosen cases before anything is written, and raises to refuse them.
+    """
     named_cases = load_cases(request.config, request.assignments)
     chosen = select_cases(named_cases, request.case_pattern)
+    if admit is not None:
+        refuse_other_store(request, named_cases)
+        admit(chosen)
     if request.dry_run:
         refuse_other_store(request, named_cases)
         show_plan(stages, chosen, request, console)

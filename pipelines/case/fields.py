@@ -25,7 +25,8 @@ AMPLITUDE = ("displacement", "load")
 FREQUENCY = ("frequency", "frequency_hz")
 SPEED = ("speed", "speed_rpm")
 SECOND_ELASTIC_CONSTANT = ("poisson_ratio", "shear_modulus")
-ALTERNATIVES = (FOIL_STIFFNESS, AMPLITUDE, FREQUENCY, SPEED, SECOND_ELASTIC_CONSTANT)
+RATED_SPEED = ("rated_speed", "rated_speed_rpm")
+ALTERNATIVES = (FOIL_STIFFNESS, AMPLITUDE, FREQUENCY, SPEED, SECOND_ELASTIC_CONSTANT, RATED_SPEED)
 """Groups of keys that say the same thing; exactly one of each is given."""
 
 Number = Annotated[float, Field(strict=True)]

@@ -19,6 +19,7 @@ from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
 from pipelines.case.settings import ContinueCycles, Criticals, Linearize, Numerics, Operation
+from pipelines.case.transient_settings import Transient, Unbalance, transient_fits, unbalance_on_shaft
 
 __all__ = [
     "PARAMETERS",
@@ -42,6 +43,8 @@ __all__ = [
     "Rotor",
     "Support",
     "TrackCurves",
+    "Transient",
+    "Unbalance",
 ]
 
 PARAMETERS = ("speed", "excitation_frequency", "displacement", "foil_stiffness")
@@ -81,6 +84,11 @@ class Case(Table):
     track_curves: TrackCurves = table("stages `agfb track-pd`, `track-ns`, `track-folds`", TrackCurves())
     bifurcation_set: BifurcationSet = table("search of `agfb run` for the whole set", BifurcationSet())
     refine: Refine = table("stage of the option `--refine`", Refine())
+    unbalance: Unbalance | None = table("the rotor's unbalance, for `agfb transient`", None)
+    transient: Transient = table("stage `agfb transient`", Transient())
+
+    _unbalance = field_validator("unbalance")(unbalance_on_shaft)
+    _transient = field_validator("transient")(transient_fits)
 
     @field_validator("bearings")
     @classmethod

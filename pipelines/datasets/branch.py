@@ -39,7 +39,7 @@ from pipelines.datasets.records import (
     fit_all,
     with_role,
 )
-from pipelines.datasets.schema import EVENT, KINDS, Array, ArrayLayout, layout
+from pipelines.datasets.schema import KINDS, Array, ArrayLayout, layout
 from pipelines.datasets.store import Store, ensure_container
 
 RESERVED = frozenset(
@@ -163,20 +163,37 @@ class BranchWriter:
         when it raises (OSError: disk full, ...), nothing of it counts and the same commit can be tried again.
         Raises ValueError for data outside the schema and StoreError when the capacity is used up.
         """
-        new_row = fit_all(with_role(self.arrays, "row"), row)
         new_slots = fit_all(with_role(self.arrays, "slot"), slots or {})
+        self._write([row], new_slots, events)
+
+    def extend(self, rows: Sequence[Values], events: Sequence[Values] = ()) -> None:
+        """Add several rows, or none, and events in one commit, for kinds without slots. Raises like
+        ``commit``.
+        """
+        if self._slots:
+            raise ValueError(f"{self.kind} has slots, which belong to one row: commit its rows one by one")
+        self._write(rows, {}, events)
+
+    def _write(self, rows: Sequence[Values], slots: Values, events: Sequence[Values]) -> None:
+        new_rows = [fit_all(with_role(self.arrays, "row"), row) for row in rows]
         new_events = [fit_all(with_role(self.arrays, "event"), event) for event in events]
-        self._check_capacity(len(new_events))
+        self._check_capacity(len(new_rows), len(new_events))
         for name, column in self._rows.items():
-            column.write(self.n_points, [new_row[name]])
+            column.write(self.n_points, [row[name] for row in new_rows])
         for name, target in self._slots.items():
             # the other slot belongs to the row before, which stays the newest one until the group's metadata
             # change
-            target[self.n_points % 2] = new_slots[name]
+            target[self.n_points % 2] = slots[name]
         for name, column in self._events.items():
             column.write(self.n_events, [event[name] for event in new_events])
-        counts = {"n_points": self.n_points + 1, "n_events": self.n_events + len(new_events)}
+        counts = {"n_points": self.n_points + len(new_rows), "n_events": self.n_events + len(new_events)}
         self._replace_attributes({**counts, "status": RUNNING, "stop_reason": "", "stop_advice": ""})
+
+    def newest_event(self) -> dict[str, Array] | None:
+        """A copy of the newest event, None when there is none yet."""
+        if self.n_events == 0:
+            return None
+        return {name: column.newest(self.n_events - 1) for name, column in self._events.items()}
 
     def finish(self, stop_reason: str, advice: str = "", **attributes: Any) -> None:
         """Say why the branch ended, with advice and further attributes (no NaN). A later commit sets it
@@ -214,9 +231,9 @@ class BranchWriter:
     ) -> None:
         self.close()
 
-    def _check_capacity(self, new_events: int) -> None:
+    def _check_capacity(self, new_rows: int, new_events: int) -> None:
         events = next((column.array.shape[0] for column in self._events.values()), 0)
-        if self.n_points >= self.capacity or self.n_events + new_events > events:
+        if self.n_points + new_rows > self.capacity or self.n_events + new_events > events:
             points = f"{self.n_points} of {self.capacity} points"
             raise StoreError(
                 f"the branch is full ({points}, {self.n_events} of {events} events)",
@@ -240,14 +257,22 @@ class _Column:
         self.array = array
         self._target: zarr.Array[Any] = open_array(store, group, array)
         self._step = array.chunks[0]
+        self._store, self._group = store, group
+        self._load(count)
+
+    def _load(self, count: int) -> None:
+        """Take the chunk of the last of ``count`` committed rows from the store."""
         self._index = max(0, count - 1) // self._step
         self._chunk = self._empty()
         start = self._index * self._step
         if count > start:
-            self._chunk[: count - start] = read_array(store, group, array, start, count, self._target)
+            committed = read_array(self._store, self._group, self.array, start, count, self._target)
+            self._chunk[: count - start] = committed
 
     def write(self, first: int, rows: Sequence[Array]) -> None:
         """Put rows at ``first`` and behind, and write the chunks they are in."""
+        if rows and first // self._step < self._index:  # a commit of several rows failed in a later chunk
+            self._load(first)
         for number, row in enumerate(rows, start=first):
             index, place = divmod(number, self._step)
             if index != self._index:
@@ -319,7 +344,7 @@ def _adopt(
     store: Store, group: str, kind: str, sizes: Mapping[str, int], attributes: Mapping[str, Any]
 ) -> None:
     metadata = read_group_metadata(store.path, group, kind)
-    stored, growing = metadata.attributes["dimensions"], {KINDS[kind].row, EVENT}
+    stored, growing = metadata.attributes["dimensions"], {KINDS[kind].row, KINDS[kind].event}
     differing = [
         f"{d} has size {stored.get(d)} in the store and {sizes.get(d)} now"
         for d in sorted(set(stored) | set(sizes))

@@ -16,6 +16,9 @@ from pipelines.datasets.reading import committed_rows, list_cases
 from pipelines.datasets.schema import KINDS, ArrayLayout
 from pipelines.datasets.store import Store, open_for_reading
 
+NUMBERED = ("point", "sample")
+"""Rows of the kinds of which a case holds several groups, in a folder."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -58,7 +61,7 @@ def _all_groups(store: Store) -> Iterator[str]:
         yield f"cases/{case}"
         for name in _folders(store.path / "cases" / case):
             path = f"cases/{case}/{name}"
-            if name in KINDS and KINDS[name].row != "point":
+            if name in KINDS and KINDS[name].row not in NUMBERED:
                 if _is_made(store.path / path):
                     yield path
                 continue

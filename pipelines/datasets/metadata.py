@@ -188,7 +188,7 @@ def _are_sizes(sizes: object) -> TypeGuard[dict[str, int]]:
 
 def _check_counts(folder: Path, kind: str, attributes: Mapping[str, Any], sizes: Mapping[str, int]) -> None:
     row = KINDS[kind].row
-    for count, dimension in (("n_points", row), ("n_events", "event")):
+    for count, dimension in (("n_points", row), ("n_events", KINDS[kind].event)):
         if count in attributes:
             number, capacity = attributes[count], sizes.get(dimension or "", 0)
             if type(number) is not int or not 0 <= number <= capacity:

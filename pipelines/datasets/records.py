@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pipelines.datasets.schema import EVENT, KINDS, SLOT, Array, ArrayLayout, Role, layout
+from pipelines.datasets.schema import KINDS, SLOT, Array, ArrayLayout, Role, layout
 
 Values = Mapping[str, Any]
 RUNNING, ENDED, COMPLETE = "running", "ended", "complete"
@@ -82,7 +82,7 @@ def branch_sizes(kind: str, sizes: Mapping[str, int]) -> dict[str, int]:
     row = KINDS[kind].row
     if row is None or row not in sizes:
         raise ValueError(f"a branch of kind {kind!r} needs the size of its dimension {row!r}")
-    complete = {SLOT: 2, EVENT: 2 * sizes[row] + 16} | dict(sizes)
+    complete = {SLOT: 2, KINDS[kind].event: 2 * sizes[row] + 16} | dict(sizes)
     used = {dimension for spec in KINDS[kind].arrays for dimension in spec.dimensions}
     if unknown := sorted(set(sizes) - used):
         raise ValueError(f"{kind} has no dimension {', '.join(unknown)}; it has {', '.join(sorted(used))}")

@@ -71,8 +71,8 @@ class ArraySpec:
 
 @dataclass(frozen=True)
 class GroupSpec:
-    """One kind of group. ``row`` names the dimension that grows point by point, ``coordinates`` the arrays
-    that place a row.
+    """One kind of group. ``row`` names the dimension that grows point by point, ``event`` the one that grows
+    with what is found on the way, ``coordinates`` the arrays that place a row.
     """
 
     kind: str
@@ -80,11 +80,12 @@ class GroupSpec:
     arrays: tuple[ArraySpec, ...]
     row: str | None = None
     coordinates: tuple[str, ...] = ()
+    event: str = EVENT
 
     def role(self, spec: ArraySpec) -> Role:
         """Which part of a commit writes this array."""
         first = spec.dimensions[0]
-        if first == EVENT:
+        if first == self.event:
             return "event"
         if first == SLOT:
             return "slot"
@@ -137,7 +138,7 @@ def layout(
     """
     group = KINDS[kind]
     for dimension, size in sizes.items():
-        limit = LARGEST_ROWS if dimension in (group.row, EVENT) else LARGEST_DIMENSION
+        limit = LARGEST_ROWS if dimension in (group.row, group.event) else LARGEST_DIMENSION
         if not 0 <= size <= limit:
             raise ValueError(f"dimension {dimension!r} of {kind} has size {size}; allowed are 0 to {limit}")
     chosen = [
@@ -621,6 +622,70 @@ REFINEMENT = GroupSpec(
     coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
 )
 
+TRANSIENT = GroupSpec(
+    "transient",
+    "A run in time: samples, and full states at checkpoints",
+    (
+        _real("time", "sample", "time since the start of the run, dimensionless"),
+        _real("speed", "sample", "rotating speed, dimensionless"),
+        _real("angle", "sample", "rotation angle", "rad"),
+        _real("ring_displacement", "sample", "largest vertical displacement of the ring over clearance"),
+        _real("displacement", "sample coordinate", "displacement of the master nodes over clearance"),
+        _real("journal", "sample bearing axis", "journal centre (x, y) over the bearing's own clearance"),
+        _real(
+            "minimum_film",
+            "sample bearing",
+            "smallest film thickness since the sample before, over the bearing's own clearance",
+        ),
+        _real(
+            "minimum_pressure",
+            "sample bearing",
+            "smallest film pressure since the sample before, over ambient",
+        ),
+        _real(
+            "maximum_pressure",
+            "sample bearing",
+            "largest film pressure since the sample before, over ambient",
+        ),
+        _real(
+            "minimum_foil",
+            "sample bearing",
+            "smallest foil displacement since the sample before, over the bearing's own clearance",
+        ),
+        _real(
+            "maximum_foil",
+            "sample bearing",
+            "largest foil displacement since the sample before, over the bearing's own clearance",
+        ),
+        _real("checkpoint_time", "checkpoint", "time of the checkpoint, dimensionless"),
+        _real("checkpoint_step", "checkpoint", "time steps done at the checkpoint"),
+        _count("checkpoint_samples", "checkpoint", "samples written at the checkpoint"),
+        _real("checkpoint_speed", "checkpoint", "rotating speed at the checkpoint, dimensionless"),
+        _real("checkpoint_angle", "checkpoint", "rotation angle at the checkpoint", "rad"),
+        _real(
+            "checkpoint_ring_phase",
+            "checkpoint",
+            "phase of the rings at the checkpoint, over one turn",
+            "rad",
+        ),
+        _real("checkpoint_ring_displacement", "checkpoint", "displacement of the ring at the checkpoint"),
+        _real(
+            "checkpoint_state",
+            "checkpoint component",
+            "full state: pressures and foil displacements of both bearings, rotor",
+        ),
+        _real("checkpoint_extremes", "checkpoint extreme", "extremes since the last sample, for going on"),
+        _count("coordinate_node", "coordinate", "shaft node of the coordinate"),
+        _flag("coordinate_axis", "coordinate", "axis of the coordinate", "x", "y"),
+        _count("plane_node", "plane", "shaft node of the unbalance"),
+        _real("plane_moment", "plane", "unbalance of the plane", "kg m"),
+        _real("plane_phase", "plane", "angular position of the unbalance on the rotor", "rad"),
+    ),
+    row="sample",
+    coordinates=("time",),
+    event="checkpoint",
+)
+
 KINDS: Mapping[str, GroupSpec] = {
-    g.kind: g for g in (MACHINE, LINEAR, CRITICALS, CYCLES, CURVE, BIFURCATION_SET, REFINEMENT)
+    g.kind: g for g in (MACHINE, LINEAR, CRITICALS, CYCLES, CURVE, BIFURCATION_SET, REFINEMENT, TRANSIENT)
 }

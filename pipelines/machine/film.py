@@ -35,6 +35,8 @@ FILM_SCALARS = 13
 
 # The parameter vector of a case (order of pipelines.case.PARAMETERS).
 SPEED, EXCITATION_FREQUENCY, DISPLACEMENT, FOIL_STIFFNESS = range(4)
+# One entry more, where the excitation is being switched: d delta/d tau. A shorter vector stands for zero.
+DISPLACEMENT_RATE = 4
 
 
 @njit(cache=True, error_model="numpy")
@@ -80,9 +82,10 @@ def film_geometry(
     edge = scalars[ABSOLUTE] * flexibility / relaxation  # no gauge pressure: the foil follows the ring there
     if parameters[DISPLACEMENT] != 0.0:
         radius = scalars[RING_RADIUS]
+        growth = parameters[DISPLACEMENT_RATE] if parameters.shape[0] > DISPLACEMENT_RATE else 0.0
         d_h, d_v, d_h_rate, d_v_rate = ring_axes_at(
             phase, parameters[DISPLACEMENT], parameters[EXCITATION_FREQUENCY],
-            scalars[RING_RATIO], scalars[RING_AMPLITUDE], scalars[RING_PHASE],
+            scalars[RING_RATIO], scalars[RING_AMPLITUDE], scalars[RING_PHASE], growth,
         )  # fmt: skip
         for i in range(nodes):
             c, s = inner_cosine[i], inner_sine[i]

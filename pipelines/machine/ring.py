@@ -83,18 +83,21 @@ def ring_displacement_from_load(ring: Ring, load: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def ring_axes_at(phase, displacement, frequency, ratio, amplitude, phase_shift):  # type: ignore[no-untyped-def]
+def ring_axes_at(  # type: ignore[no-untyped-def]
+    phase, displacement, frequency, ratio, amplitude, phase_shift, displacement_rate=0.0
+):
     """Displacements of the ring's two axes and their rates d/dtau: (d_h, d_v, d_h rate, d_v rate), over c_r.
 
     ``phase`` is Omega_ex tau [rad], ``displacement`` is delta, ``frequency`` is Omega_ex (dimensionless);
-    ``amplitude`` and ``phase_shift`` [rad] are those of the bearing.  At frequency 0 the ring rests in its
-    mean position, whatever its phase.
+    ``amplitude`` and ``phase_shift`` [rad] are those of the bearing, ``displacement_rate`` is d delta/d tau
+    while the excitation is switched.  At frequency 0 the ring rests in its mean position, whatever its phase.
     """
     half = 0.5 * amplitude * displacement
     # d_v = -(delta/2)(1 + sin(Omega_ex tau)),  d_h = -rho d_v
     swing = np.sin(phase + phase_shift) if frequency != 0.0 else 0.0
     vertical = -half * (1.0 + swing)
     vertical_rate = -half * frequency * np.cos(phase + phase_shift)
+    vertical_rate -= 0.5 * amplitude * displacement_rate * (1.0 + swing)
     return -ratio * vertical, vertical, -ratio * vertical_rate, vertical_rate
 
 

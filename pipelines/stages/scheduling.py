@@ -26,6 +26,7 @@ STAGES = (
     "track_folds",
     "bifurcation_set",
     "refine",
+    "transient",
 )
 
 

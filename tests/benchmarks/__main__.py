@@ -18,6 +18,7 @@ from tests.benchmarks.measuring import Measurement, markdown_table, write_json
 from tests.benchmarks.memory import peak_memory
 from tests.benchmarks.settings import FULL, QUICK, Settings
 from tests.benchmarks.steppers import stepper_ratios
+from tests.benchmarks.transients import transient_steps
 
 ENTRIES: dict[str, Callable[[Settings], list[Measurement]]] = {
     "tangent_batch_ratio": tangent_batch,
@@ -27,6 +28,7 @@ ENTRIES: dict[str, Callable[[Settings], list[Measurement]]] = {
     "backward_error_ratio": backward_error,
     "growth_exponent": growth,
     "curve_point_ratio": curve_point,
+    "transient_steps_ratio": transient_steps,
     "peak_memory": peak_memory,
     "arithmetic": solve_arithmetic,
     "brusselator": brusselator,

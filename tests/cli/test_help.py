@@ -108,6 +108,8 @@ def test_every_command_of_the_readme_exists() -> None:
 
 def test_computing_commands_share_their_options() -> None:
     assert len({frozenset(options_of(command) - {"--refine"}) for command in COMPUTING}) == 1
+    assert options_of("transient") - options_of("linearize") == {"--yes"}
+    assert options_of("linearize") <= options_of("transient")
 
 
 def test_commands_that_locate_bifurcations_can_refine_them() -> None:

@@ -57,7 +57,7 @@ def test_no_case_is_started_after_a_request_to_stop(monkeypatch: pytest.MonkeyPa
 
 def test_an_unknown_stage_is_refused() -> None:
     with pytest.raises(ValueError, match="not one of linearize"):
-        scheduling.stage_function("track_pd")
+        scheduling.stage_function("track_all")
 
 
 def test_the_store_holds_every_case_with_its_scales(tmp_path: Path) -> None:

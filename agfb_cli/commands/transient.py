@@ -1,0 +1,97 @@
+"""`agfb transient`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from agfb_cli.commands.stage import SECONDS_BEFORE_ANNOUNCEMENT, Request, close, execute
+from agfb_cli.console import Console
+from agfb_cli.errors import UsageError, explained
+from agfb_cli.inputs import default_store
+from agfb_cli.options import (
+    AsJson,
+    Assignments,
+    CasePattern,
+    Config,
+    DryRun,
+    Force,
+    Output,
+    Quiet,
+    Traceback,
+    Verbose,
+)
+
+if TYPE_CHECKING:
+    from pipelines.case.reading import NamedCase
+
+HELP = """Time integration with unbalance, run-up and coast-down.
+
+Constant or changing speed, the unbalance of the table unbalance, excitation on, off or switched; from an
+equilibrium, a stored cycle or a checkpoint of an earlier run. Samples and full states are committed block by
+block; an interrupted run goes on from its last checkpoint. Writes cases/CASE/transient/t000 into the store;
+other tables transient or unbalance make the next run, t001.
+"""
+
+LONGEST_UNASKED = 3600.0  # s
+Yes = Annotated[bool, typer.Option("--yes", help="Start even if the run will take longer than an hour.")]
+
+
+def transient(
+    config: Config,
+    output: Output = None,
+    assignments: Assignments = None,
+    case: CasePattern = None,
+    yes: Yes = False,
+    dry_run: DryRun = False,
+    force: Force = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    json: AsJson = False,
+    traceback: Traceback = False,
+) -> None:
+    """The command: `HELP` is what the user reads."""
+    console = Console(quiet, verbose, json, traceback)
+    with explained(console):
+        store = output or default_store(config)
+        request = Request(config, store, tuple(assignments or ()), case, dry_run, force)
+
+        def admit(named_cases: Sequence[NamedCase]) -> None:
+            refuse(named_cases, None if force else store, console, yes)
+
+        outcome = execute(("transient",), request, console, admit)
+        if not dry_run:
+            close(outcome, request, None, console)
+        raise typer.Exit(outcome.exit_code())
+
+
+def refuse(named_cases: Sequence[NamedCase], store: Path | None, console: Console, yes: bool) -> None:
+    """Raise UsageError for a run that cannot start, or that takes long unless `yes`; nothing is written."""
+    with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
+        from pipelines.stages.transient import CannotRunError, outlook
+
+    steps, seconds = 0, 0.0
+    for named in named_cases:
+        try:
+            ahead = outlook(named, store)
+        except CannotRunError as error:
+            raise UsageError(f"case {named.case_id}: {error.reason}", error.advice) from None
+        steps, seconds = steps + ahead.steps, seconds + ahead.seconds
+    told = f"{steps} time steps, about {in_words(seconds)}"
+    if seconds > LONGEST_UNASKED and not yes:
+        raise UsageError(
+            f"the run takes {told}",
+            "start it with --yes, or shorten transient.duration, or raise transient.tolerance",
+        )
+    console.detail(told)
+
+
+def in_words(seconds: float) -> str:
+    """A length of time in the unit that one would use."""
+    for unit, size in (("years", 31_557_600.0), ("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.2g} seconds"

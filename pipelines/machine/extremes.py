@@ -1,0 +1,40 @@
+"""The extremes of both films at an instant, compiled: what a long run watches at every step."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .film import FOIL, NODES, PRESSURE, STATIONS, film_geometry
+from .kernels import RATES
+from .rates import BEARINGS, JOURNAL, ROTOR_SIZE, ROTOR_STATE, bearing_views, film_workspace
+
+# Observed values of bearing b lie at quantity * BEARINGS + b; largest values are kept as smallest negatives.
+FILM, LOW_PRESSURE, HIGH_PRESSURE, LOW_FOIL, HIGH_FOIL = range(5)
+OBSERVED = 5 * BEARINGS
+
+
+@njit(RATES, cache=True)
+def machine_extremes(phase, state, parameters, constants, layout, work, out):  # type: ignore[no-untyped-def]
+    """Smallest film thickness, pressure and foil displacement, largest pressure and foil displacement
+    (negative), over clearance and ambient pressure, into ``out`` (OBSERVED,).
+    """
+    size = layout[ROTOR_SIZE]
+    for bearing in range(BEARINGS):
+        integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
+        nodes, rows = integers[NODES], integers[NODES] * integers[STATIONS]
+        thickness, thickness_rate, _, scratch, _ = film_workspace(integers, work)
+        dof = layout[ROTOR_STATE] + layout[JOURNAL + bearing]
+        journal = (state[dof] / clearance, state[dof + 1] / clearance,
+                   state[dof + size] / clearance, state[dof + size + 1] / clearance)  # fmt: skip
+        film_geometry(
+            phase, state, parameters, integers, scalars, arrays, journal,
+            thickness, thickness_rate, scratch[0],
+        )  # fmt: skip
+        pressure = state[integers[PRESSURE] : integers[PRESSURE] + rows]
+        foil = state[integers[FOIL] : integers[FOIL] + nodes]
+        out[FILM * BEARINGS + bearing] = np.min(thickness)
+        out[LOW_PRESSURE * BEARINGS + bearing] = np.min(pressure)
+        out[HIGH_PRESSURE * BEARINGS + bearing] = -np.max(pressure)
+        out[LOW_FOIL * BEARINGS + bearing] = np.min(foil)
+        out[HIGH_FOIL * BEARINGS + bearing] = -np.max(foil)
