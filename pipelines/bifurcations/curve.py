@@ -194,9 +194,10 @@ class CurvePoint:
     ``cycle``: state, period, orbit, multipliers (its continued parameter is the first of the two);
     ``parameters`` (2,): both free ones; ``kappa``: cos of the critical angle; ``alignment``: cosine between
     left and right null vector; ``right`` (N, m): critical vectors; ``normal_form``: None when not asked for
-    or not defined; ``step_error``: estimated error of the multipliers by the time steps, NaN for an explicit
-    stepper; ``residual_norms`` and ``test_values``: history of the corrector; ``unlocated``: special
-    points that were detected in the step to this point but could not be located.
+    or not defined; ``effort``: iterations before the time steps were refined; ``step_error``: estimated
+    error of the multipliers by the time steps, NaN for an explicit stepper; ``residual_norms`` and
+    ``test_values``: history of the corrector; ``unlocated``: special points that were detected in the step to
+    this point but could not be located.
     """
 
     kind: EventKind
@@ -208,6 +209,7 @@ class CurvePoint:
     normal_form: NormalForm | None
     residual_norms: tuple[float, ...]
     test_values: tuple[float, ...]
+    effort: int = 0
     step_error: float = math.nan
     unlocated: tuple[SpecialKind, ...] = ()
 

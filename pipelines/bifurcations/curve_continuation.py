@@ -41,6 +41,9 @@ from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import reference_of
 from pipelines.orbits.time_steps import following_steps
 
+# The error that time steps leave is noisy beside kinks: a point is corrected again only where it is clearly
+# too large, else the next one has more steps.
+_REPEATED = 3.0
 _STARTED = 1e-4  # arclength within which a resonance found again is the one that the curve starts from
 
 
@@ -177,15 +180,15 @@ def _predict_and_correct(
         guess = found.point.position
     if found is None or found.point is None or _bound_passed(guess, options) is not None:
         return _Rejected("the corrector leaves the ranges of the parameters")
-    demand = demand_of(problem, found.point, steps)
-    if demand.steps > steps:
+    demand, effort = demand_of(problem, found.point, steps), found.iterations
+    if demand.error > _REPEATED * problem.options.step_tolerance and demand.steps > steps:
         steps = problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
         again = correct_critical(problem, guess, closing, found.point.basis, frame, steps, reference)
         if again.point is None:
             return _Rejected(again.stop.advice)
         demand = demand_of(problem, again.point, steps)
         found = _one_history(found, again)
-    return _segment(problem, state, options, closing, found, reference, demand.error)
+    return _segment(problem, state, options, closing, found, reference, (effort, demand.error))
 
 
 def _segment(
@@ -195,7 +198,7 @@ def _segment(
     closing: Closing,
     found: CurveCorrection,
     reference: PhaseReference | None,
-    step_error: float,
+    effort_and_error: tuple[int, float],
 ) -> CurveSegment | _Rejected:
     if found.point is None:
         return _Rejected(found.stop.advice)
@@ -204,7 +207,8 @@ def _segment(
     end = curve_end(found, found.point, closing, state.tangent, options.normal_form, state.frame)
     if end is None:
         return _Rejected("the tangent is singular")
-    end = replace(end, point=replace(end.point, step_error=step_error))
+    effort, step_error = effort_and_error
+    end = replace(end, point=replace(end.point, effort=effort, step_error=step_error))
     return CurveSegment(
         problem,
         closing.metric,
@@ -221,7 +225,7 @@ def _segment(
 
 
 def _one_history(first: CurveCorrection, second: CurveCorrection) -> CurveCorrection:
-    """The second correction with the history of both: the step length must follow the whole effort."""
+    """The second correction with the history of both."""
     return replace(
         second,
         residual_norms=first.residual_norms + second.residual_norms,
@@ -321,7 +325,7 @@ def _advance(problem: CurveProblem, state: CurveState, step: _Step, options: Cur
     """The state after an accepted step; the step length follows the count of the corrector."""
     length = adapted_length(
         state.step,
-        step.end.point.iterations,
+        step.end.point.effort,
         options.target_iterations,
         options.minimum_step,
         options.maximum_step,

@@ -96,13 +96,15 @@ def demand_at(
 
 
 def following_steps(problem: CycleProblem, steps: int, error: float) -> int:
-    """Steps for the next cycle: fewer when those in use leave far less than the tolerance."""
+    """Steps for the next cycle: fewer when those in use leave far less than the tolerance, more when they
+    leave more.
+    """
     period_map, stepper = problem.period_map, problem.period_map.stepper
     fixed = period_map.steps_per_period is not None or not isinstance(stepper, ImplicitStepper)
     if fixed or not math.isfinite(error):
         return steps
     wanted = _wanted_steps(period_map, problem.options, steps, error)
-    return wanted if wanted < _TOO_MANY * steps else steps
+    return wanted if wanted < _TOO_MANY * steps or wanted > steps else steps
 
 
 def _wanted_steps(period_map: PeriodMap, options: ShootingOptions, steps: int, error: float) -> int:
