@@ -15,7 +15,7 @@ from pipelines.orbits.system import Matrix, Vector
 
 Array = NDArray[np.float64]
 
-_TAIL = 0.75  # the last quarter of the wave numbers tells how much the interpolant lacks
+_QUARTER = 0.25  # of the wave numbers: groups this wide forgive single ones that a symmetry leaves out
 
 
 def angles(count: int) -> Vector:
@@ -79,10 +79,14 @@ def amplitudes(values: Matrix) -> Vector:
     return np.asarray(spectrum.max(axis=1))
 
 
-def tail(values: Matrix) -> float:
-    """What the interpolant lacks: the largest amplitude among the last quarter of its wave numbers."""
-    found = amplitudes(values)
-    return float(found[math.ceil(_TAIL * (len(found) - 1)) :].max())
+def tail(found: Vector) -> float:
+    """What an interpolant lacks, from its ``amplitudes``: the largest one of the last quarter, less what the
+    amplitudes fall from the third quarter to the last.
+    """
+    last = len(found) - 1
+    third, fourth = math.ceil((1.0 - 2.0 * _QUARTER) * last), math.ceil((1.0 - _QUARTER) * last)
+    before, end = float(found[third:fourth].max(initial=0.0)), float(found[fourth:].max())
+    return end * end / before if before > end else end
 
 
 def nearest_fraction(rotation: float, largest_denominator: int) -> tuple[int, int, float]:

@@ -1,0 +1,239 @@
+"""Stability of an invariant curve: the spectrum of its linearised flow over the circle.
+
+With V (N, k) the smooth slow bases and C(theta) = V(theta + rho)' M(theta) V(theta), the transfer operator
+
+    (B w)(theta) = C(theta - rho) w(theta - rho),      (B w)^_m = e^(-i m rho) sum_n C^_(m-n) w^_n
+
+carries fields around.  If B w = mu w then e^(i m theta) w belongs to mu e^(-i m rho): eigenvalues come in
+circles, one for each multiplier of the curve, of which only the modulus has a meaning.  The members of a
+circle have their centres of wave numbers, sum m abs(w^_m)^2 / sum abs(w^_m)^2, exactly one apart, so each
+circle has one member with its centre in [-1/2, 1/2): the one that few wave numbers resolve best.  Two such of
+a circle that is its own conjugate with centres at +-1/2 (a bundle that is a Moebius band) are told by their
+eigenvalues and counted once.
+
+A curve with unknown rotation has the multiplier 1 with the eigenfunction dx/dtheta.
+
+The growth of volumes under C along one long orbit of the rotation gives the same moduli less sharply but
+without any choice; where both disagree (a rotation by a simple fraction of a turn, where circles have many
+eigenfunctions, or too few angles) the spectrum is not complete and the growth counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipelines.bifurcations.circle import Array, angles, applied, derivative, interpolated, shift_matrix
+from pipelines.bifurcations.invariant_curve import Torus, following_bases, pass_from_all
+from pipelines.bifurcations.torus_problem import TorusProblem
+from pipelines.orbits.floquet import Complex, deterministic_block
+from pipelines.orbits.system import Vector
+
+_FEWEST_WAVES = 4
+_OUTSIDE = 1e-6  # distance from the unit circle within which a multiplier is reported as on it
+_SAME_CENTRE = 0.25  # by which the centres of two members of a circle may miss an integer distance
+_SAME_CIRCLE = 1e-3  # relative difference of eigenvalues that belong to one circle
+_GROWTH_STEPS, _SETTLING_STEPS = 400, 60
+_GROWTH_STARTS = (0.0, 0.7, 1.9)
+_AGREEMENT = 0.02  # relative difference of moduli from growth and from the spectrum
+
+
+@dataclass(frozen=True)
+class TorusSpectrum:
+    """Multipliers of an invariant curve.
+
+    ``multipliers`` (m,): one eigenvalue of every circle that was found, by falling modulus, m <= k;
+    ``residuals`` (m,): of B v = mu v for the whole state, norm of v one; ``trivial``: index of the multiplier
+    1 of a curve with unknown rotation, else -1; ``growth`` (k,): moduli from growth along an orbit;
+    ``complete``: both agree.
+    """
+
+    multipliers: Complex
+    residuals: Vector
+    trivial: int
+    growth: Vector
+    complete: bool
+
+    @property
+    def moduli(self) -> Vector:
+        """Without the trivial one, by falling size; from the growth where the spectrum is not complete."""
+        if self.complete:
+            moduli = np.abs(self.multipliers)
+            return moduli if self.trivial < 0 else np.delete(moduli, self.trivial)
+        if self.trivial < 0:
+            return self.growth
+        return np.delete(self.growth, int(np.argmin(np.abs(self.growth - 1.0))))
+
+    @property
+    def unstable(self) -> int:
+        """Multipliers outside the unit circle, by more than their error."""
+        return int(np.sum(self.moduli > 1.0 + (_OUTSIDE if self.complete else _AGREEMENT)))
+
+
+def settled_spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusSpectrum]:
+    """The spectrum, after as many further subspace iterations as its multipliers need, and the curve with the
+    bases of the last one.
+    """
+    options = problem.options
+    spectrum = torus_spectrum(problem, torus)
+    for _ in range(options.multiplier_sweeps):
+        checked = np.abs(spectrum.multipliers) > options.checked_modulus
+        whole = torus.bases.shape[1] == torus.bases.shape[2]
+        if whole or np.all(spectrum.residuals[checked] <= options.multiplier_tolerance):
+            break
+        bases = following_bases(torus.unknowns, torus.bases, torus.passed.columns)
+        passed = pass_from_all(problem, torus.unknowns, bases, True)
+        torus = replace(torus, bases=bases, passed=passed)
+        spectrum = torus_spectrum(problem, torus)
+    return torus, spectrum
+
+
+def torus_spectrum(problem: TorusProblem, torus: Torus) -> TorusSpectrum:
+    """The spectrum in the bases that the curve has."""
+    known = problem.circle.rotation(torus.unknowns.parameter) is not None
+    rotation, options = torus.unknowns.rotation, problem.options
+    compressed = cocycle(torus)
+    fullest = torus.count // 2
+    waves = min(_FEWEST_WAVES, fullest)
+    while True:
+        multipliers, fields = _one_of_each(compressed, rotation, waves)
+        inner = _residuals(applied(shift_matrix(torus.count, -rotation)[0], compressed), None, multipliers,
+                           fields, rotation)  # fmt: skip
+        checked = np.abs(multipliers) > options.checked_modulus
+        found_all = len(multipliers) == compressed.shape[1]
+        if waves == fullest or (found_all and np.all(inner[checked] <= options.multiplier_tolerance)):
+            break
+        waves = min(2 * waves, fullest)
+    residuals = _residuals(torus.passed.columns, torus.bases, multipliers, fields, rotation)
+    growth = growth_moduli(compressed, rotation)
+    return TorusSpectrum(
+        multipliers,
+        residuals,
+        -1 if known else _tangent_index(torus, fields),
+        growth,
+        _agree(np.abs(multipliers), growth, options.checked_modulus),
+    )
+
+
+def cocycle(torus: Torus) -> Array:
+    """C(theta_j) = V(theta_j + rho)' M_j V_j, shape (M, k, k)."""
+    _, size, width = torus.bases.shape
+    if size == width:
+        return torus.passed.columns
+    ahead = applied(shift_matrix(torus.count, torus.unknowns.rotation)[0], torus.bases)
+    return np.asarray(np.swapaxes(ahead, 1, 2) @ torus.passed.columns)
+
+
+def growth_moduli(compressed: Array, rotation: float) -> Vector:
+    """Moduli of the multipliers by falling size: exp of the mean of log diag R in C Q = Q_next R along the
+    rotation, weighted by the bump exp(-1/(t (1 - t))), whose means converge faster than any power of the
+    number of steps; the largest over a few starting angles.
+    """
+    width = compressed.shape[1]
+    time = np.arange(1, _GROWTH_STEPS + 1) / (_GROWTH_STEPS + 1.0)
+    weights = np.exp(-1.0 / (time * (1.0 - time)))
+    weights /= weights.sum()
+    found = np.full(width, -np.inf)
+    for start in _GROWTH_STARTS:
+        path: Vector = start + rotation * np.arange(_SETTLING_STEPS + _GROWTH_STEPS, dtype=np.float64)
+        matrices = interpolated(compressed, path)
+        frame, _ = np.linalg.qr(deterministic_block(width, width) + np.eye(width))
+        logarithms = np.zeros((len(path), width))
+        for step, matrix in enumerate(matrices):
+            frame, factor = np.linalg.qr(matrix @ frame)
+            with np.errstate(divide="ignore"):
+                logarithms[step] = np.log(np.abs(np.diag(factor)))
+        found = np.maximum(found, weights @ np.maximum(logarithms[_SETTLING_STEPS:], -700.0))
+    return np.sort(np.exp(found))[::-1]
+
+
+def _one_of_each(compressed: Array, rotation: float, waves: int) -> tuple[Complex, Complex]:
+    """One eigenvalue of every circle, by falling modulus (m,), and its eigenfunction as coefficients of the
+    wave numbers -L..L in the bases, (m, 2 L + 1, k), L = ``waves``.
+    """
+    width = compressed.shape[1]
+    numbers = np.arange(-waves, waves + 1)
+    values, vectors = np.linalg.eig(_transfer_matrix(compressed, rotation, waves))
+    vectors = np.ascontiguousarray(vectors.T).reshape(len(values), len(numbers), width)
+    weights = np.sum(np.abs(vectors) ** 2, axis=2)
+    centres = weights @ numbers / np.sum(weights, axis=1)
+    # nearest to the middle first; of a pair of conjugates the one with positive imaginary part
+    order = np.lexsort((values.imag < 0.0, -np.abs(values), np.round(np.abs(centres), 6)))
+    chosen: list[int] = []
+    for index in order:
+        if len(chosen) == width or abs(centres[index]) > 0.5 + _SAME_CENTRE:
+            break
+        if not any(_in_one_circle(values, centres, int(index), other, rotation) for other in chosen):
+            chosen.append(int(index))
+    chosen.sort(key=lambda index: -abs(values[index]))
+    return np.asarray(values[chosen], dtype=complex), np.asarray(vectors[chosen], dtype=complex)
+
+
+def _in_one_circle(values: Complex, centres: Vector, first: int, second: int, rotation: float) -> bool:
+    """Whether mu_1 = mu_2 e^(-i m rho) where the centres are m apart, m not zero."""
+    distance = float(centres[first] - centres[second])
+    number = round(distance)
+    if number == 0 or abs(distance - number) > _SAME_CENTRE:
+        return False
+    expected = values[second] * np.exp(-1j * number * rotation)
+    return bool(abs(values[first] - expected) <= _SAME_CIRCLE * abs(expected))
+
+
+def _transfer_matrix(compressed: Array, rotation: float, waves: int) -> Complex:
+    """Blocks e^(-i m rho) C^_(m-n) for m, n = -L..L."""
+    count, width, _ = compressed.shape
+    half = count // 2
+    spectrum = np.fft.fft(compressed, axis=0) / count  # wave number m at m modulo count
+    numbers = np.arange(-waves, waves + 1)
+    gaps = numbers[:, None] - numbers[None, :]
+    blocks = spectrum[gaps % count] * (np.abs(gaps) <= half)[:, :, None, None]
+    blocks = blocks * np.exp(-1j * numbers * rotation)[:, None, None, None]
+    size = len(numbers) * width
+    return np.asarray(np.swapaxes(blocks, 1, 2).reshape(size, size))
+
+
+def _values(fields: Complex, count: int) -> Complex:
+    """Eigenfunctions (m, 2 L + 1, k) at the angles, shape (M, k, m)."""
+    waves = fields.shape[1] // 2
+    phases = np.exp(1j * angles(count)[:, None] * np.arange(-waves, waves + 1)[None, :])
+    return np.asarray(np.einsum("jw,mwk->jkm", phases, fields))
+
+
+def _residuals(
+    columns: Array, bases: Array | None, multipliers: Complex, fields: Complex, rotation: float
+) -> Vector:
+    """Norms of D v - mu v over those of v.
+
+    Without bases ``columns`` is the carried cocycle C(theta - rho) and v = w.
+    """
+    count = len(columns)
+    values = _values(fields, count)
+    if bases is None:
+        waves = fields.shape[1] // 2
+        turned = fields * np.exp(-1j * rotation * np.arange(-waves, waves + 1))[None, :, None]
+        moved, own = columns @ _values(turned, count), values
+    else:
+        shift = shift_matrix(count, -rotation)[0].astype(complex)
+        moved = columns @ values
+        moved = (shift @ moved.reshape(count, -1)).reshape(moved.shape)
+        own = bases @ values
+    defect = np.linalg.norm(moved - own * multipliers, axis=(0, 1))
+    return np.asarray(defect / np.linalg.norm(own, axis=(0, 1)))
+
+
+def _tangent_index(torus: Torus, fields: Complex) -> int:
+    """The eigenfunction that is most nearly parallel to dx/dtheta."""
+    slope = derivative(torus.unknowns.states)
+    functions = torus.bases @ _values(fields, torus.count)
+    overlap = np.abs(np.tensordot(slope, functions, axes=2)) / np.linalg.norm(functions, axis=(0, 1))
+    return int(np.argmax(overlap))
+
+
+def _agree(moduli: Vector, growth: Vector, cut: float) -> bool:
+    """Whether the moduli above a cut are as many, and the same, in both."""
+    slow = growth[growth > cut]
+    if len(moduli) < len(slow):
+        return False
+    gaps = np.abs(moduli[: len(slow)] - slow)
+    return bool(np.all(gaps <= _AGREEMENT * slow))
