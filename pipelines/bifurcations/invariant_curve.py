@@ -19,11 +19,10 @@ sweeps for x = r, Phi_rho and Phi_l,
 g = dX_ref/dtheta is the phase condition of an unknown rho.  With a known one its row and column are absent
 and Phi_l gains Phi_rho drho/dl.
 
-The V_j move along the curve: a basis common to all angles would have to hold the union of the slow subspaces,
-and what it lacks enters the Picard sweeps to first order, because M is not normal.  After each iteration V_j
-<- orth of the carried image (D V)_j, turned within its span to be as near to the old V_j as it can.  So V_j
-stays a smooth function of the angle, which the shift needs; starting from a constant basis, it is.  With
-k = N, V_j is the identity and the method is Newton's.
+The V_j move along the curve (``slow_bases``): a basis common to all angles would have to hold the union of
+the slow subspaces, and what it lacks enters the Picard sweeps to first order, because M is not normal.  After
+each iteration V_j <- orth (D V)_j, whose columns the pass has brought anyway.  With k = N, V_j is the
+identity and the method is Newton's.
 """
 
 from __future__ import annotations
@@ -42,6 +41,7 @@ from pipelines.bifurcations.circle import (
     shift_matrix,
     tail,
 )
+from pipelines.bifurcations.slow_bases import SlowBases
 from pipelines.bifurcations.torus_problem import TorusConstraint, TorusProblem, TorusUnknowns
 from pipelines.orbits.shooting import NewtonStop
 from pipelines.orbits.system import Matrix, Vector
@@ -63,13 +63,13 @@ class CirclePass:
 class Torus:
     """A corrected invariant curve.
 
-    ``bases`` (M, N, k): slow subspaces; ``passed``: the last pass, whose columns are M_j V_j; ``residual``:
+    ``bases``: slow subspaces; ``passed``: the last pass, whose columns are M_j V_j; ``residual``:
     largest entry of Phi(X) - X, relative to max(1, largest entry of X); ``error``: what the Fourier series
     lacks, relative to the same.
     """
 
     unknowns: TorusUnknowns
-    bases: Array
+    bases: SlowBases
     passed: CirclePass
     residual: float
     error: float
@@ -101,14 +101,14 @@ def correct_torus(
     problem: TorusProblem,
     guess: TorusUnknowns,
     constraint: TorusConstraint,
-    bases: Array,
+    bases: SlowBases,
     reference: Matrix | None = None,
 ) -> TorusCorrection:
     """Find the invariant curve near ``guess`` that satisfies ``constraint``.
 
     It gets as many angles as its Fourier series needs, but not fewer than the guess has.
 
-    ``bases`` (M, N, k): orthonormal and smooth over the angles; ``reference`` (M, N): curve that fixes the
+    ``bases``: of the slow subspaces at the angles of the guess; ``reference`` (M, N): curve that fixes the
     phase of a curve with unknown rho.  Failure is a result: see ``TorusCorrection``.  Raises ValueError when
     the reference is missing.
     """
@@ -123,7 +123,7 @@ def correct_torus(
             problem,
             correction.torus.unknowns.resampled(count),
             constraint,
-            resampled_bases(correction.torus.bases, count),
+            correction.torus.bases.resampled(count),
             reference,
         )
         correction = one_history(correction, finer)
@@ -143,7 +143,7 @@ def correct_on_angles(
     problem: TorusProblem,
     guess: TorusUnknowns,
     constraint: TorusConstraint,
-    bases: Array,
+    bases: SlowBases,
     reference: Matrix | None = None,
 ) -> TorusCorrection:
     """The same with exactly the angles of the guess."""
@@ -158,7 +158,7 @@ def correct_on_angles(
         return TorusCorrection(stop, torus, tuple(residuals), tuple(updates))
 
     while True:
-        passed = pass_from_all(problem, unknowns, bases, True)
+        passed = pass_from_all(problem, unknowns, bases.columns, True)
         if not passed.finite:
             return ended(NewtonStop.NON_FINITE)
         scale = max(1.0, float(np.max(np.abs(unknowns.states))))
@@ -172,15 +172,14 @@ def correct_on_angles(
             return ended(NewtonStop.DIVERGED)
         if len(updates) == options.iterations:
             return ended(NewtonStop.ITERATIONS)
-        linear = _linearise(problem, unknowns, bases, passed)
+        linear = _linearise(problem, unknowns, bases.columns, passed)
         offset = 0.0 if phase is None else phase.gap(unknowns.states)
         update = _solve_bordered(linear, phase, offset, constraint.row, constraint.gap(unknowns))
         if update is None:
             return ended(NewtonStop.SINGULAR)
-        following = following_bases(unknowns, bases, passed.columns)
+        bases = bases.following(passed.columns, unknowns.rotation)
         unknowns = problem.consistent(unknowns.plus(update))
         updates.append(float(np.max(np.abs(update.states))) + abs(update.rotation) + abs(update.parameter))
-        bases = following
 
 
 def torus_tangent(
@@ -191,7 +190,7 @@ def torus_tangent(
     It solves the bordered system with r = 0 and gap = -1.
     """
     exact = replace(torus.passed, images=_preimage(torus.unknowns))
-    linear = _linearise(problem, torus.unknowns, torus.bases, exact)
+    linear = _linearise(problem, torus.unknowns, torus.bases.columns, exact)
     phase = None if reference is None else _PhaseRow.of(reference)
     direction = _solve_bordered(linear, phase, 0.0, row, -1.0)
     known = problem.circle.rotation(torus.unknowns.parameter)
@@ -226,31 +225,6 @@ def pass_from_all(
 def carried(unknowns: TorusUnknowns, values: Array) -> Array:
     """S(-rho) values: what a pass brings to the angles themselves, shape (M, ...)."""
     return applied(shift_matrix(len(values), -unknowns.rotation)[0], values)
-
-
-def following_bases(unknowns: TorusUnknowns, bases: Array, columns: Array) -> Array:
-    """V_j <- orth (D V)_j, turned to the old V_j; bases of the whole space stay the identity."""
-    if bases.shape[1] == bases.shape[2]:
-        return bases
-    return nearest_frames(carried(unknowns, columns), bases)
-
-
-def nearest_frames(blocks: Array, old: Array) -> Array:
-    """Orthonormal bases of the spans of ``blocks`` (M, N, k) that are nearest to ``old``: with W = Q R and
-    Q'V_old = A B C' (singular values B) it is Q A C'.
-    """
-    q, _ = np.linalg.qr(blocks)
-    left, _, right = np.linalg.svd(np.swapaxes(q, 1, 2) @ old)
-    return np.ascontiguousarray(q @ (left @ right))
-
-
-def resampled_bases(bases: Array, count: int) -> Array:
-    """Slow bases at another number of angles."""
-    _, size, width = bases.shape
-    if size == width:
-        return np.ascontiguousarray(np.broadcast_to(np.eye(size), (count, size, size)))
-    moved = resampled(bases, count)
-    return nearest_frames(moved, moved)
 
 
 @dataclass(frozen=True)

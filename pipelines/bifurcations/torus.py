@@ -8,6 +8,7 @@ from enum import Enum
 
 from pipelines.bifurcations.circle import Array
 from pipelines.bifurcations.invariant_curve import Torus
+from pipelines.bifurcations.slow_bases import SlowBases
 from pipelines.bifurcations.torus_problem import TorusUnknowns
 from pipelines.bifurcations.torus_stability import TorusSpectrum
 from pipelines.bifurcations.walking import PlainState
@@ -75,11 +76,11 @@ class TorusOptions:
 @dataclass(frozen=True)
 class TorusStart:
     """A guess for the first torus: ``states`` (M, N) at equally spaced angles, M odd, the slow ``bases``
-    (M, N, k) there, the parameter, and the rotation when it is unknown.
+    there, the parameter, and the rotation when it is unknown.
     """
 
     states: Matrix
-    bases: Array
+    bases: SlowBases
     parameter: float
     rotation: float = 0.0
 
@@ -89,7 +90,8 @@ class TorusState(PlainState):
     """Everything the next step depends on, as plain arrays and numbers.
 
     A branch restarted from a copy of it continues with the same bits.  ``states``, ``tangent_states`` (M, N),
-    ``bases`` (M, N, k); ``index`` counts the recorded points from zero; ``step`` is the next arclength step.
+    ``bases`` (M, N, k) with ``leading`` smooth columns; ``index`` counts the recorded points from zero;
+    ``step`` is the next arclength step.
     """
 
     index: int
@@ -102,6 +104,11 @@ class TorusState(PlainState):
     step: float
     arclength: float
     bases: Array
+    leading: int
+
+    @property
+    def slow_bases(self) -> SlowBases:
+        return SlowBases(self.bases, self.leading)
 
     @property
     def unknowns(self) -> TorusUnknowns:

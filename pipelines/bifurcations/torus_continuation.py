@@ -23,7 +23,6 @@ from pipelines.bifurcations.invariant_curve import (
     TorusCorrection,
     correct_torus,
     one_history,
-    resampled_bases,
     torus_tangent,
 )
 from pipelines.bifurcations.torus import (
@@ -45,7 +44,6 @@ from pipelines.bifurcations.torus_problem import (
     metric_of,
 )
 from pipelines.bifurcations.torus_stability import TorusSpectrum, settled_spectrum
-from pipelines.bifurcations.torus_start import grown_bases
 from pipelines.bifurcations.walking import adapted_length
 from pipelines.orbits.system import Matrix
 
@@ -196,7 +194,7 @@ def _predict_and_correct(
     bound = _bound_passed(guess.parameter, options.range)
     if bound is not None:
         return _correct_on_bound(problem, state, guess, bound, reference)
-    correction = correct_torus(problem, guess, constraint, state.bases, reference)
+    correction = correct_torus(problem, guess, constraint, state.slow_bases, reference)
     if correction.torus is None:
         return correction
     found = correction.torus.unknowns
@@ -214,7 +212,7 @@ def _correct_on_bound(
     share = (bound - state.parameter) / (beyond.parameter - state.parameter)
     guess = state.unknowns.plus(beyond.minus(state.unknowns), share)
     constraint = fixed_parameter(problem, len(state.states), bound)
-    return correct_torus(problem, guess, constraint, state.bases, reference)
+    return correct_torus(problem, guess, constraint, state.slow_bases, reference)
 
 
 def _bound_passed(parameter: float, interval: tuple[float, float]) -> float | None:
@@ -274,7 +272,8 @@ def _state(
 ) -> TorusState:
     count = _following_count(problem, torus)
     unknowns, tangent = torus.unknowns.resampled(count), tangent.resampled(count)
-    bases = torus.bases if count == torus.count else resampled_bases(torus.bases, count)
+    bases = torus.bases if count == torus.count else torus.bases.resampled(count)
+    bases = bases.grown(spectrum.columns, problem.options.basis)
     return TorusState(
         index=index,
         states=unknowns.states,
@@ -285,7 +284,8 @@ def _state(
         tangent_parameter=tangent.parameter,
         step=step,
         arclength=arclength,
-        bases=grown_bases(bases, spectrum.growth, problem.options.basis),
+        bases=bases.columns,
+        leading=bases.leading,
     )
 
 

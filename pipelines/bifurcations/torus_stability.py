@@ -13,6 +13,9 @@ eigenvalues and counted once.
 
 A curve with unknown rotation has the multiplier 1 with the eigenfunction dx/dtheta.
 
+The eigenproblem is made small: only the multipliers above a cut are sought, in the invariant subspaces of C
+that hold them, and only as many wave numbers are taken as resolve their eigenfunctions.
+
 The growth of volumes under C along one long orbit of the rotation gives the same moduli less sharply but
 without any choice; where both disagree (a rotation by a simple fraction of a turn, where circles have many
 eigenfunctions, or too few angles) the spectrum is not complete and the growth counts.
@@ -25,12 +28,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipelines.bifurcations.circle import Array, angles, applied, derivative, interpolated, shift_matrix
-from pipelines.bifurcations.invariant_curve import Torus, following_bases, pass_from_all
+from pipelines.bifurcations.invariant_curve import Torus, pass_from_all
+from pipelines.bifurcations.slow_bases import leading_columns, leading_coordinates, rearranged
 from pipelines.bifurcations.torus_problem import TorusProblem
 from pipelines.orbits.floquet import Complex, deterministic_block
 from pipelines.orbits.system import Vector
 
 _FEWEST_WAVES = 4
+_RESOLVED = 1e-5  # residual of the multipliers above the cut; their error is nearer to its square
 _OUTSIDE = 1e-6  # distance from the unit circle within which a multiplier is reported as on it
 _SAME_CENTRE = 0.25  # by which the centres of two members of a circle may miss an integer distance
 _SAME_CIRCLE = 1e-3  # relative difference of eigenvalues that belong to one circle
@@ -43,16 +48,19 @@ _AGREEMENT = 0.02  # relative difference of moduli from growth and from the spec
 class TorusSpectrum:
     """Multipliers of an invariant curve.
 
-    ``multipliers`` (m,): one eigenvalue of every circle that was found, by falling modulus, m <= k;
+    ``multipliers`` (m,): one eigenvalue of every circle that was found, by falling modulus, m <= k, among
+    them all above the cut (``checked_modulus`` of the options) when the spectrum is complete;
     ``residuals`` (m,): of B v = mu v for the whole state, norm of v one; ``trivial``: index of the multiplier
-    1 of a curve with unknown rotation, else -1; ``growth`` (k,): moduli from growth along an orbit;
-    ``complete``: both agree.
+    1 of a curve with unknown rotation, else -1; ``growth`` (p,): moduli from growth along an orbit of the
+    leading fields; ``columns`` (k,): the same of all columns of the bases, of which the last are rough;
+    ``complete``: multipliers and growth agree.
     """
 
     multipliers: Complex
     residuals: Vector
     trivial: int
     growth: Vector
+    columns: Vector
     complete: bool
 
     @property
@@ -73,56 +81,76 @@ class TorusSpectrum:
 
 def settled_spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusSpectrum]:
     """The spectrum, after as many further subspace iterations as its multipliers need, and the curve with the
-    bases of the last one.
+    bases of the last one, their leading block arranged anew.
     """
     options = problem.options
-    spectrum = torus_spectrum(problem, torus)
+    torus, spectrum = _spectrum(problem, torus)
     for _ in range(options.multiplier_sweeps):
         checked = np.abs(spectrum.multipliers) > options.checked_modulus
-        whole = torus.bases.shape[1] == torus.bases.shape[2]
-        if whole or np.all(spectrum.residuals[checked] <= options.multiplier_tolerance):
+        if torus.bases.whole or np.all(spectrum.residuals[checked] <= 2.0 * _RESOLVED):
             break
-        bases = following_bases(torus.unknowns, torus.bases, torus.passed.columns)
-        passed = pass_from_all(problem, torus.unknowns, bases, True)
-        torus = replace(torus, bases=bases, passed=passed)
-        spectrum = torus_spectrum(problem, torus)
+        bases = torus.bases.following(torus.passed.columns, torus.unknowns.rotation)
+        passed = pass_from_all(problem, torus.unknowns, bases.columns, True)
+        torus, spectrum = _spectrum(problem, replace(torus, bases=bases, passed=passed))
     return torus, spectrum
 
 
 def torus_spectrum(problem: TorusProblem, torus: Torus) -> TorusSpectrum:
     """The spectrum in the bases that the curve has."""
+    return _spectrum(problem, torus)[1]
+
+
+def _spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusSpectrum]:
+    """The spectrum, and the curve with the leading block of its bases arranged for it."""
     known = problem.circle.rotation(torus.unknowns.parameter) is not None
-    rotation, options = torus.unknowns.rotation, problem.options
-    compressed = cocycle(torus)
-    fullest = torus.count // 2
+    rotation, cut = torus.unknowns.rotation, problem.options.checked_modulus
+    bases, images = torus.bases.columns, torus.passed.columns
+    columns = growth_moduli(transport(bases, images, rotation), rotation)
+    leading = leading_columns(columns, cut)
+    coordinates = leading_coordinates(bases, images, rotation, leading, columns)
+    frames, moved = bases @ coordinates, images @ coordinates
+    compressed = transport(frames, moved, rotation)
+    growth = growth_moduli(compressed, rotation)
+    multipliers, fields = _circles(compressed, rotation, cut)
+    values = _values(fields, torus.count)
+    spectrum = TorusSpectrum(
+        multipliers,
+        _residuals(frames @ values, moved @ values, multipliers, rotation),
+        -1 if known else _tangent_index(torus, frames @ values),
+        growth,
+        columns,
+        _agree(np.abs(multipliers), growth, cut),
+    )
+    if torus.bases.whole:
+        return torus, spectrum
+    arranged, images = rearranged(bases, images, coordinates)
+    return replace(torus, bases=arranged, passed=replace(torus.passed, columns=images)), spectrum
+
+
+def transport(frames: Array, images: Array, rotation: float) -> Array:
+    """C(theta_j) = V(theta_j + rho)' M_j V_j for frames V (M, N, k) and their images M V, shape (M, k, k)."""
+    if frames.shape[1] == frames.shape[2]:
+        return images
+    ahead = applied(shift_matrix(len(frames), rotation)[0], frames)
+    return np.asarray(np.swapaxes(ahead, 1, 2) @ images)
+
+
+def _circles(compressed: Array, rotation: float, cut: float) -> tuple[Complex, Complex]:
+    """One eigenvalue of every circle and its eigenfunction, with as many wave numbers as those above the cut
+    need; as from ``_one_of_each``.
+    """
+    count, fullest = len(compressed), len(compressed) // 2
+    behind = applied(shift_matrix(count, -rotation)[0], compressed)  # C(theta - rho)
     waves = min(_FEWEST_WAVES, fullest)
     while True:
         multipliers, fields = _one_of_each(compressed, rotation, waves)
-        inner = _residuals(applied(shift_matrix(torus.count, -rotation)[0], compressed), None, multipliers,
-                           fields, rotation)  # fmt: skip
-        checked = np.abs(multipliers) > options.checked_modulus
-        found_all = len(multipliers) == compressed.shape[1]
-        if waves == fullest or (found_all and np.all(inner[checked] <= options.multiplier_tolerance)):
-            break
+        turned = fields * np.exp(-1j * rotation * np.arange(-waves, waves + 1))[None, :, None]
+        own = _values(fields, count)
+        defect = _norms(behind @ _values(turned, count) - own * multipliers) / _norms(own)
+        all_found = len(multipliers) == compressed.shape[1]
+        if waves == fullest or (all_found and np.all(defect[np.abs(multipliers) > cut] <= _RESOLVED)):
+            return multipliers, fields
         waves = min(2 * waves, fullest)
-    residuals = _residuals(torus.passed.columns, torus.bases, multipliers, fields, rotation)
-    growth = growth_moduli(compressed, rotation)
-    return TorusSpectrum(
-        multipliers,
-        residuals,
-        -1 if known else _tangent_index(torus, fields),
-        growth,
-        _agree(np.abs(multipliers), growth, options.checked_modulus),
-    )
-
-
-def cocycle(torus: Torus) -> Array:
-    """C(theta_j) = V(theta_j + rho)' M_j V_j, shape (M, k, k)."""
-    _, size, width = torus.bases.shape
-    if size == width:
-        return torus.passed.columns
-    ahead = applied(shift_matrix(torus.count, torus.unknowns.rotation)[0], torus.bases)
-    return np.asarray(np.swapaxes(ahead, 1, 2) @ torus.passed.columns)
 
 
 def growth_moduli(compressed: Array, rotation: float) -> Vector:
@@ -200,33 +228,21 @@ def _values(fields: Complex, count: int) -> Complex:
     return np.asarray(np.einsum("jw,mwk->jkm", phases, fields))
 
 
-def _residuals(
-    columns: Array, bases: Array | None, multipliers: Complex, fields: Complex, rotation: float
-) -> Vector:
-    """Norms of D v - mu v over those of v.
-
-    Without bases ``columns`` is the carried cocycle C(theta - rho) and v = w.
-    """
-    count = len(columns)
-    values = _values(fields, count)
-    if bases is None:
-        waves = fields.shape[1] // 2
-        turned = fields * np.exp(-1j * rotation * np.arange(-waves, waves + 1))[None, :, None]
-        moved, own = columns @ _values(turned, count), values
-    else:
-        shift = shift_matrix(count, -rotation)[0].astype(complex)
-        moved = columns @ values
-        moved = (shift @ moved.reshape(count, -1)).reshape(moved.shape)
-        own = bases @ values
-    defect = np.linalg.norm(moved - own * multipliers, axis=(0, 1))
-    return np.asarray(defect / np.linalg.norm(own, axis=(0, 1)))
+def _norms(values: Complex) -> Vector:
+    """Norm of every field in values (M, ., m), shape (m,)."""
+    return np.asarray(np.linalg.norm(values, axis=(0, 1)))
 
 
-def _tangent_index(torus: Torus, fields: Complex) -> int:
-    """The eigenfunction that is most nearly parallel to dx/dtheta."""
-    slope = derivative(torus.unknowns.states)
-    functions = torus.bases @ _values(fields, torus.count)
-    overlap = np.abs(np.tensordot(slope, functions, axes=2)) / np.linalg.norm(functions, axis=(0, 1))
+def _residuals(own: Complex, moved: Complex, multipliers: Complex, rotation: float) -> Vector:
+    """Norms of D v - mu v over those of v, for fields v = ``own`` (M, N, m) with M v = ``moved``."""
+    shift = shift_matrix(len(own), -rotation)[0].astype(complex)
+    carried = (shift @ moved.reshape(len(own), -1)).reshape(moved.shape)
+    return _norms(carried - own * multipliers) / _norms(own)
+
+
+def _tangent_index(torus: Torus, functions: Complex) -> int:
+    """The field of ``functions`` (M, N, m) that is most nearly parallel to dx/dtheta."""
+    overlap = np.abs(np.tensordot(derivative(torus.unknowns.states), functions, axes=2)) / _norms(functions)
     return int(np.argmax(overlap))
 
 

@@ -18,17 +18,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipelines.bifurcations.circle import Array, angles
+from pipelines.bifurcations.circle import angles
 from pipelines.bifurcations.circle_map import PeriodCircle
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.invariant_curve import (
-    Torus,
     TorusCorrection,
     correct_torus,
-    following_bases,
-    nearest_frames,
     pass_from_all,
 )
+from pipelines.bifurcations.slow_bases import SlowBases, constant_bases
 from pipelines.bifurcations.torus import TorusStart
 from pipelines.bifurcations.torus_problem import (
     FourierOptions,
@@ -36,14 +34,12 @@ from pipelines.bifurcations.torus_problem import (
     TorusProblem,
     TorusUnknowns,
 )
-from pipelines.bifurcations.torus_stability import cocycle, growth_moduli
+from pipelines.bifurcations.torus_stability import growth_moduli, transport
 from pipelines.orbits.floquet import (
-    BasisOptions,
     Complex,
     deterministic_block,
     floquet_spectrum,
     orthonormal,
-    wanted_columns,
 )
 from pipelines.orbits.shooting import CycleProblem, Unknowns, first_basis
 from pipelines.orbits.system import Matrix, Vector
@@ -64,42 +60,26 @@ def torus_around(problem: TorusProblem, state: Vector, parameter: float) -> Toru
     return TorusStart(states, first_bases(problem, unknowns), parameter, unknowns.rotation)
 
 
-def first_bases(problem: TorusProblem, unknowns: TorusUnknowns) -> Array:
-    """Slow bases (M, N, k) of a curve that has none: subspace iteration on a fixed block, enlarged until the
-    smallest multiplier is below the cut.  Identities when the system is no larger than the initial block.
+def first_bases(problem: TorusProblem, unknowns: TorusUnknowns) -> SlowBases:
+    """Slow bases of a curve that has none: subspace iteration on a fixed block, enlarged until the smallest
+    multiplier is below the cut.  Identities when the system is no larger than the initial block.
     """
     count, size = unknowns.states.shape
     options = problem.options.basis
-    bases = constant_bases(orthonormal(deterministic_block(size, min(size, options.initial_columns))), count)
     if size <= options.initial_columns:
         return constant_bases(np.eye(size), count)
+    bases = constant_bases(orthonormal(deterministic_block(size, options.initial_columns)), count)
     while True:
         for _ in range(_SWEEPS):
-            passed = pass_from_all(problem, unknowns, bases, False)
+            passed = pass_from_all(problem, unknowns, bases.columns, False)
             if not passed.finite:
                 return bases
-            previous, bases = bases, following_bases(unknowns, bases, passed.columns)
-        moduli = growth_moduli(cocycle(Torus(unknowns, previous, passed, 0.0, 0.0)), unknowns.rotation)
-        wider = grown_bases(bases, moduli, options)
-        if wider.shape[2] == bases.shape[2]:
+            previous, bases = bases, bases.following(passed.columns, unknowns.rotation)
+        carried = transport(previous.columns, passed.columns, unknowns.rotation)
+        wider = bases.grown(growth_moduli(carried, unknowns.rotation), options)
+        if wider.columns.shape[2] == bases.columns.shape[2]:
             return bases
         bases = wider
-
-
-def constant_bases(basis: Matrix, count: int) -> Array:
-    """The same basis (N, k) at every angle."""
-    return np.ascontiguousarray(np.broadcast_to(basis, (count, *basis.shape)))
-
-
-def grown_bases(bases: Array, moduli: Vector, options: BasisOptions) -> Array:
-    """The bases with fixed new directions when the moduli of their multipliers ask for more columns."""
-    count, size, width = bases.shape
-    wanted = wanted_columns(moduli, size, options)
-    if width == size or wanted <= width:
-        return bases
-    new = constant_bases(deterministic_block(size, wanted - width, first=width), count)
-    together = np.concatenate([bases, new], axis=2)
-    return nearest_frames(together, together)
 
 
 @dataclass(frozen=True)

@@ -76,8 +76,8 @@ def two_tone_tangent(phase, s, block, p, constants, layout, work, out):  # type:
 def two_tones(damping: float = 0.2, cubic: float = 0.0, modulation: float = 0.0) -> DynamicalSystem:
     """x'' + c x' + x + g x^3 = F cos(phase) + G cos(angle + speed tau)(1 + k cos(phase)), phase = omega tau.
 
-    Parameters (frequency, speed, F, G, angle), constants (c, g, k).  For g = 0 the response to every frequency
-    is known, and the multipliers are exp((-c/2 +- i sqrt(1 - c^2/4)) T).
+    Parameters (frequency, speed, F, G, angle), constants (c, g, k).  For g = 0 the response to each
+    frequency is known, and the multipliers are exp((-c/2 +- i sqrt(1 - c^2/4)) T).
     """
     return DynamicalSystem(
         2, two_tone_rates, two_tone_tangent, ("frequency", "speed", "F", "G", "angle"), forcing=0,
