@@ -4,9 +4,9 @@ The basis V_j (N, k) at every angle moves with the map: V_j <- orth (D V)_j, whe
 curve.  The shift in D interpolates over the angles, so the columns that span the slow fields must be smooth
 functions of the angle.  The k columns together need not be: the last of them belong to multipliers that no
 gap separates from the neglected ones, and their directions are arbitrary at every angle.  Therefore the
-columns are kept in two blocks.  The ``leading`` ones end at a gap of the multipliers, are orthonormalised first, and
-within their span are turned as near to the old ones as possible, so that they stay smooth; the others follow
-in what is left.
+columns are kept in two blocks.  The ``leading`` ones end at a gap of the multipliers, are orthonormalised
+first, and within their span are turned as near to the old ones as possible, so that they stay smooth; the
+others follow in what is left.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipelines.bifurcations.circle import Array, applied, resampled, shift_matrix
-from pipelines.orbits.floquet import BasisOptions, deterministic_block, wanted_columns
+from pipelines.orbits.floquet import BasisOptions, deterministic_block, orthonormal, wanted_columns
 from pipelines.orbits.system import Matrix, Vector
 
 _SPARE_COLUMNS = 6  # by which the leading block may be wider than it must, to end in a gap
@@ -102,6 +102,8 @@ def leading_columns(moduli: Vector, cut: float) -> int:
 def leading_coordinates(bases: Array, columns: Array, rotation: float, leading: int, moduli: Vector) -> Array:
     """Coordinates (M, k, p) in the bases V of smooth orthonormal frames of the p slowest directions, p =
     ``leading``, by subspace iteration with the images M V = ``columns``: no passes are needed.
+
+    It starts from the constant frame of the mean map, near which the others can be turned smoothly.
     """
     count, _, width = bases.shape
     if leading == width:
@@ -109,19 +111,17 @@ def leading_coordinates(bases: Array, columns: Array, rotation: float, leading: 
     ratio = float(moduli[leading - 1] / max(moduli[leading], np.finfo(float).tiny))
     sweeps = min(_MOST_SWEEPS, math.ceil(math.log(_SETTLED) / -math.log(max(ratio, _GAP))) + 3)
     shift, transposed = shift_matrix(count, -rotation)[0], np.ascontiguousarray(np.swapaxes(bases, 1, 2))
-    frames = np.broadcast_to(bases[0][:, :leading], (count, bases.shape[1], leading))
+    constant = np.ascontiguousarray(bases[0][:, :leading])
+    for _ in range(sweeps):
+        constant = orthonormal((columns @ (transposed @ constant)).mean(axis=0))
+    frames = np.broadcast_to(constant, (count, *constant.shape))
     coordinates, _ = np.linalg.qr(transposed @ frames)
-    coordinates = _nearest_coordinates(transposed, coordinates, frames)
+    coordinates = _turned(coordinates, transposed @ frames)
     for _ in range(sweeps):
         frames = bases @ coordinates
         moved, _ = np.linalg.qr(transposed @ applied(shift, columns @ coordinates))
-        coordinates = _nearest_coordinates(transposed, moved, frames)
+        coordinates = _turned(moved, transposed @ frames)
     return np.ascontiguousarray(coordinates)
-
-
-def _nearest_coordinates(transposed: Array, coordinates: Array, frames: Array) -> Array:
-    """The coordinates turned so that their frames are nearest to other ones."""
-    return _turned(coordinates, transposed @ frames)
 
 
 def rearranged(bases: Array, columns: Array, coordinates: Array) -> tuple[SlowBases, Array]:

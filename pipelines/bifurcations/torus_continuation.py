@@ -290,13 +290,15 @@ def _state(
 
 
 def _following_count(problem: TorusProblem, torus: Torus) -> int:
-    """Half of the angles when they would be far more than enough, else all."""
-    count, fourier = (torus.count - 1) // 2, problem.fourier
-    if count < fourier.fewest or count % 2 == 0:
-        return torus.count
+    """Half of the angles, or half of that, while they would be far more than enough."""
+    count, fourier = torus.count, problem.fourier
     scale = max(1.0, float(np.max(np.abs(torus.unknowns.states))))
-    kept = amplitudes(torus.unknowns.states)[: count // 2 + 1]
-    return count if tail(kept) <= _SPARE * fourier.tolerance * scale else torus.count
+    found = amplitudes(torus.unknowns.states)
+    while (half := (count - 1) // 2) >= fourier.fewest and half % 2 == 1:
+        if tail(found[: half // 2 + 1]) > _SPARE * fourier.tolerance * scale:
+            break
+        count = half
+    return count
 
 
 def _resonance(rotation: float) -> str:

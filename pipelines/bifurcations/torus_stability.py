@@ -16,9 +16,10 @@ A curve with unknown rotation has the multiplier 1 with the eigenfunction dx/dth
 The eigenproblem is made small: only the multipliers above a cut are sought, in the invariant subspaces of C
 that hold them, and only as many wave numbers are taken as resolve their eigenfunctions.
 
-The growth of volumes under C along one long orbit of the rotation gives the same moduli less sharply but
-without any choice; where both disagree (a rotation by a simple fraction of a turn, where circles have many
-eigenfunctions, or too few angles) the spectrum is not complete and the growth counts.
+The product of all multipliers of the subspaces is the mean growth of volume, exp of the mean of log |det C|:
+where the selection misses it (a rotation by a simple fraction of a turn, where circles have many
+eigenfunctions, or too few angles) the spectrum is not complete.  The growth of volumes under C along one long
+orbit of the rotation then gives the moduli, less sharply but without any choice.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ _SAME_CENTRE = 0.25  # by which the centres of two members of a circle may miss 
 _SAME_CIRCLE = 1e-3  # relative difference of eigenvalues that belong to one circle
 _GROWTH_STEPS, _SETTLING_STEPS = 400, 60
 _GROWTH_STARTS = (0.0, 0.7, 1.9)
-_AGREEMENT = 0.02  # relative difference of moduli from growth and from the spectrum
+_GROWTH_ERROR = 0.02  # relative error of moduli from growth
+_VOLUME_ERROR = 1e-3  # of the logarithm of a multiplier, in the product of all
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class TorusSpectrum:
     ``residuals`` (m,): of B v = mu v for the whole state, norm of v one; ``trivial``: index of the multiplier
     1 of a curve with unknown rotation, else -1; ``growth`` (p,): moduli from growth along an orbit of the
     leading fields; ``columns`` (k,): the same of all columns of the bases, of which the last are rough;
-    ``complete``: multipliers and growth agree.
+    ``complete``: one multiplier for each leading field, with the right product.
     """
 
     multipliers: Complex
@@ -76,7 +78,7 @@ class TorusSpectrum:
     @property
     def unstable(self) -> int:
         """Multipliers outside the unit circle, by more than their error."""
-        return int(np.sum(self.moduli > 1.0 + (_OUTSIDE if self.complete else _AGREEMENT)))
+        return int(np.sum(self.moduli > 1.0 + (_OUTSIDE if self.complete else _GROWTH_ERROR)))
 
 
 def settled_spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusSpectrum]:
@@ -119,7 +121,7 @@ def _spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusSpectrum
         -1 if known else _tangent_index(torus, frames @ values),
         growth,
         columns,
-        _agree(np.abs(multipliers), growth, cut),
+        _complete(multipliers, compressed),
     )
     if torus.bases.whole:
         return torus, spectrum
@@ -246,10 +248,11 @@ def _tangent_index(torus: Torus, functions: Complex) -> int:
     return int(np.argmax(overlap))
 
 
-def _agree(moduli: Vector, growth: Vector, cut: float) -> bool:
-    """Whether the moduli above a cut are as many, and the same, in both."""
-    slow = growth[growth > cut]
-    if len(moduli) < len(slow):
+def _complete(multipliers: Complex, compressed: Array) -> bool:
+    """Whether there is one multiplier for every column, and their product is the mean growth of volume."""
+    width = compressed.shape[1]
+    if len(multipliers) < width:
         return False
-    gaps = np.abs(moduli[: len(slow)] - slow)
-    return bool(np.all(gaps <= _AGREEMENT * slow))
+    volume = float(np.mean(np.linalg.slogdet(compressed)[1]))
+    found = float(np.sum(np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny))))
+    return abs(found - volume) <= _VOLUME_ERROR * width

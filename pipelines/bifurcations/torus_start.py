@@ -116,8 +116,7 @@ def torus_from_event(
         return None
     vector, basis = found
     count, parameter = tori.fourier.fewest, float(event.parameters[problem.index])
-    rotating = np.exp(1j * angles(count))[:, None] * vector[None, :]
-    deviation = np.ascontiguousarray(rotating.real) * (amplitude / float(np.max(np.abs(rotating.real))))
+    deviation = amplitude * np.ascontiguousarray((np.exp(1j * angles(count))[:, None] * vector).real)
     guess = TorusUnknowns(event.state + deviation, event.angle, parameter)
     row = deviation / float(np.vdot(deviation, deviation))
     constraint = TorusConstraint(TorusUnknowns(row, 0.0, 0.0), float(np.vdot(row, guess.states)))
@@ -131,7 +130,7 @@ def torus_from_event(
 
 
 def _critical_vector(problem: CycleProblem, event: Event) -> tuple[Complex, Matrix] | None:
-    """The eigenvector of e^(i theta_0) and the slow basis that holds it."""
+    """The eigenvector of e^(i theta_0), its largest entry one, and the slow basis that holds it."""
     period_map = problem.period_map
     basis = first_basis(problem, Unknowns(event.state, event.period, float(event.parameters[problem.index])),
                         event.steps)  # fmt: skip
@@ -143,6 +142,7 @@ def _critical_vector(problem: CycleProblem, event: Event) -> tuple[Complex, Matr
         spectrum = floquet_spectrum(basis, image.columns)
         nearest = int(np.argmin(np.abs(spectrum.multipliers - target)))
         if spectrum.residuals[nearest] <= _EIGENVECTOR_RESIDUAL:
-            return spectrum.vectors[:, nearest], basis
+            vector = spectrum.vectors[:, nearest]
+            return vector / vector[np.argmax(np.abs(vector))], basis
         basis = orthonormal(image.columns)
     return None

@@ -161,9 +161,7 @@ def test_rational_rotation_is_told() -> None:
     whose product is that of the constant divergence.
     """
     period_map = PeriodMap(two_tones(0.2, 0.5, 0.5), DOPRI8, samples=1)
-    circle = PeriodCircle(
-        period_map, np.array([1.0, 1.4, 0.2, 0.3, 0.0]), "speed", 64, "angle", "speed"
-    )
+    circle = PeriodCircle(period_map, np.array([1.0, 1.4, 0.2, 0.3, 0.0]), "speed", 64, "angle", "speed")
     problem = TorusProblem(circle)
     start = torus_around(problem, np.zeros(2), 1.4)
     guess = TorusUnknowns(start.states, start.rotation, 1.4)
@@ -193,9 +191,7 @@ def test_what_is_refused() -> None:
     with pytest.raises(ValueError, match="unknown parameter"):
         PeriodCircle(period_map, parameters, "pace", 64)
     with pytest.raises(ValueError, match="stroboscopic"):
-        PeriodCircle(
-            PeriodMap(hopf_pair(), DOPRI8, Formulation.AUTONOMOUS), np.array([0.1, 0.2]), "mu", 64
-        )
+        PeriodCircle(PeriodMap(hopf_pair(), DOPRI8, Formulation.AUTONOMOUS), np.array([0.1, 0.2]), "mu", 64)
 
 
 def test_failures_are_results() -> None:
