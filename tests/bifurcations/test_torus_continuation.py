@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +12,14 @@ import pytest
 from pipelines.bifurcations.circle import angles, interpolated
 from pipelines.bifurcations.circle_map import PeriodCircle
 from pipelines.bifurcations.slow_bases import constant_bases
-from pipelines.bifurcations.torus import TorusOptions, TorusStart, TorusState, TorusStop
+from pipelines.bifurcations.torus import TorusOptions, TorusPoint, TorusStart, TorusState, TorusStop
+from pipelines.bifurcations.torus_continuation import continue_torus
 from pipelines.bifurcations.torus_problem import FourierOptions, TorusProblem
 from pipelines.bifurcations.torus_start import torus_around
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
+from pipelines.orbits.system import ode_system
 from tests.bifurcations.explicit_maps import CLOCK
 from tests.bifurcations.quasi_periodic import (
     moebius_circle,
@@ -205,6 +208,22 @@ def test_known_rotation_against_simulation() -> None:
     # volumes contract by exp(-c T) everywhere, so do areas transverse to the angle
     for point in run.points:
         assert np.prod(point.spectrum.moduli) == pytest.approx(math.exp(-0.2 * 2.0 * math.pi), rel=1e-6)
+
+
+def test_example_of_the_docstring() -> None:
+    """The example of ``PeriodCircle`` runs as it is printed."""
+    assert PeriodCircle.__doc__ is not None
+    example = textwrap.dedent(PeriodCircle.__doc__.split("first angle::\n")[1])
+    points: list[TorusPoint] = []
+    names = {
+        "np": np, "ode_system": ode_system, "PeriodCircle": PeriodCircle, "PeriodMap": PeriodMap,
+        "DOPRI8": DOPRI8, "TorusProblem": TorusProblem, "torus_around": torus_around,
+        "continue_torus": continue_torus, "record": lambda point, state: points.append(point),
+        "TorusOptions": lambda range: TorusOptions(range, max_points=2),
+    }  # fmt: skip
+    exec(example, names)
+    assert len(points) == 2
+    assert all(point.stable for point in points)
 
 
 def test_other_ends_and_options() -> None:
