@@ -169,7 +169,6 @@ def _attempt(
     length = metric.norm(chord)
     if length == 0.0:
         return _Rejected("the corrector returned to the previous point")
-    torus, spectrum = settled_spectrum(problem, torus)
     tangent = torus_tangent(problem, torus, metric.row(chord), _reference(problem, torus.unknowns))
     if tangent is None:
         return _Rejected("the tangent is singular")
@@ -177,6 +176,7 @@ def _attempt(
     shortest = 0.5 * state.step < options.minimum_step
     if metric.inner(tangent, tangent_before) < options.minimum_cosine and not shortest:
         return _Rejected("the branch bends too much within the step")
+    torus, spectrum = settled_spectrum(problem, torus)
     point = TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms)
     return _Step(point, tangent, length)
 

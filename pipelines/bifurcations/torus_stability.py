@@ -24,6 +24,7 @@ orbit of the rotation then gives the moduli, less sharply but without any choice
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +43,8 @@ _SAME_CENTRE = 0.25  # by which the centres of two members of a circle may miss 
 _SAME_CIRCLE = 1e-3  # relative difference of eigenvalues that belong to one circle
 _GROWTH_STEPS, _SETTLING_STEPS = 400, 60
 _GROWTH_STARTS = (0.0, 0.7, 1.9)
+_LOWEST = -700.0  # logarithm in the place of that of zero
+_STALLED = 0.5  # a sweep that leaves more of the largest residual is the last: too few angles, not columns
 _GROWTH_ERROR = 0.02  # relative error of moduli from growth
 _VOLUME_ERROR = 1e-3  # of the logarithm of a multiplier, in the product of all
 
@@ -85,12 +88,14 @@ def settled_spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusS
     """The spectrum, after as many further subspace iterations as its multipliers need, and the curve with the
     bases of the last one, their leading block arranged anew.
     """
-    options = problem.options
     torus, spectrum = _spectrum(problem, torus)
-    for _ in range(options.multiplier_sweeps):
-        checked = np.abs(spectrum.multipliers) > options.checked_modulus
-        if torus.bases.whole or np.all(spectrum.residuals[checked] <= 2.0 * _RESOLVED):
+    before = math.inf
+    for _ in range(problem.options.multiplier_sweeps):
+        checked = np.abs(spectrum.multipliers) > problem.options.checked_modulus
+        largest = float(np.max(spectrum.residuals[checked], initial=0.0))
+        if torus.bases.whole or largest <= 2.0 * _RESOLVED or largest > _STALLED * before:
             break
+        before = largest
         bases = torus.bases.following(torus.passed.columns, torus.unknowns.rotation)
         passed = pass_from_all(problem, torus.unknowns, bases.columns, True)
         torus, spectrum = _spectrum(problem, replace(torus, bases=bases, passed=passed))
@@ -160,22 +165,18 @@ def growth_moduli(compressed: Array, rotation: float) -> Vector:
     rotation, weighted by the bump exp(-1/(t (1 - t))), whose means converge faster than any power of the
     number of steps; the largest over a few starting angles.
     """
-    width = compressed.shape[1]
+    width, starts = compressed.shape[1], np.array(_GROWTH_STARTS)
     time = np.arange(1, _GROWTH_STEPS + 1) / (_GROWTH_STEPS + 1.0)
     weights = np.exp(-1.0 / (time * (1.0 - time)))
     weights /= weights.sum()
-    found = np.full(width, -np.inf)
-    for start in _GROWTH_STARTS:
-        path: Vector = start + rotation * np.arange(_SETTLING_STEPS + _GROWTH_STEPS, dtype=np.float64)
-        matrices = interpolated(compressed, path)
-        frame, _ = np.linalg.qr(deterministic_block(width, width) + np.eye(width))
-        logarithms = np.zeros((len(path), width))
-        for step, matrix in enumerate(matrices):
-            frame, factor = np.linalg.qr(matrix @ frame)
-            with np.errstate(divide="ignore"):
-                logarithms[step] = np.log(np.abs(np.diag(factor)))
-        found = np.maximum(found, weights @ np.maximum(logarithms[_SETTLING_STEPS:], -700.0))
-    return np.sort(np.exp(found))[::-1]
+    frames = np.linalg.qr(deterministic_block(width, width) + np.eye(width))[0]
+    logarithms = np.zeros((_SETTLING_STEPS + _GROWTH_STEPS, len(starts), width))
+    for step, row in enumerate(logarithms):
+        frames, factors = np.linalg.qr(interpolated(compressed, starts + rotation * step) @ frames)
+        with np.errstate(divide="ignore"):
+            row[:] = np.log(np.abs(np.diagonal(factors, axis1=1, axis2=2)))
+    means = np.tensordot(weights, np.maximum(logarithms[_SETTLING_STEPS:], _LOWEST), axes=1)
+    return np.asarray(np.sort(np.exp(means.max(axis=0)))[::-1])
 
 
 def _one_of_each(compressed: Array, rotation: float, waves: int) -> tuple[Complex, Complex]:
