@@ -30,9 +30,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipelines.bifurcations.circle import Array, angles, applied, derivative, interpolated, shift_matrix
-from pipelines.bifurcations.invariant_curve import Torus, pass_from_all
+from pipelines.bifurcations.invariant_curve import Torus
 from pipelines.bifurcations.slow_bases import leading_columns, leading_coordinates, rearranged
 from pipelines.bifurcations.torus_problem import TorusProblem
+from pipelines.bifurcations.torus_system import pass_from_all
 from pipelines.orbits.floquet import Complex, deterministic_block
 from pipelines.orbits.system import Vector
 

@@ -24,7 +24,6 @@ from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.invariant_curve import (
     TorusCorrection,
     correct_torus,
-    pass_from_all,
 )
 from pipelines.bifurcations.slow_bases import SlowBases, constant_bases
 from pipelines.bifurcations.torus import TorusStart
@@ -35,6 +34,7 @@ from pipelines.bifurcations.torus_problem import (
     TorusUnknowns,
 )
 from pipelines.bifurcations.torus_stability import growth_moduli, transport
+from pipelines.bifurcations.torus_system import pass_from_all
 from pipelines.orbits.floquet import (
     Complex,
     deterministic_block,
