@@ -66,7 +66,7 @@ class PlainState:
         """The inverse of ``arrays``; arrays are copied into C order, on which the bits of a product
         depend.
         """
-        kinds = {"index": int, "steps": int}
+        kinds = {"index": int, "steps": int, "leading": int}
         values: dict[str, Any] = {
             name: np.array(value, order="C") if np.ndim(value) else kinds.get(name, float)(value)
             for name, value in arrays.items()
