@@ -22,7 +22,6 @@ from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.orbits.period_map import PeriodMap, PhaseReference
 from pipelines.orbits.shooting import (
     Constraint,
-    Correction,
     CycleProblem,
     Unknowns,
     correct,
@@ -31,6 +30,8 @@ from pipelines.orbits.shooting import (
 )
 from pipelines.orbits.system import Vector
 from pipelines.orbits.time_steps import first_steps
+
+_FARTHER = 1.5  # times the amplitude at which the sense of a doubled branch is found
 
 
 def curve_from_event(
@@ -74,13 +75,12 @@ class DoubledBranch:
     """The start of a branch of doubled cycles: for ``continue_branch(problem, start, ...)``.
 
     ``problem``: the same system with twice the turns (or the period) per cycle; ``direction``: the sense of
-    the parameter in which the branch leaves the bifurcation; ``correction``: how the first cycle was found.
+    the parameter in which the branch leaves the bifurcation.
     """
 
     problem: CycleProblem
     start: BranchStart
     direction: int
-    correction: Correction
 
 
 def doubled_branch(problem: CycleProblem, event: Event, amplitude: float) -> DoubledBranch | None:
@@ -100,19 +100,23 @@ def doubled_branch(problem: CycleProblem, event: Event, amplitude: float) -> Dou
     if vector is None:
         return None
     doubled = replace(problem, period_map=doubled_map(problem.period_map))
-    guess = Unknowns(event.state + amplitude * vector, 2.0 * event.period, parameter)
-    row = vector / float(vector @ vector)
-    constraint = Constraint(Unknowns(row, 0.0, 0.0), float(row @ event.state) + amplitude)
     at_flip = doubled.consistent(Unknowns(event.state, 2.0 * event.period, parameter))
     steps = first_steps(doubled, at_flip)
     reference: PhaseReference | None = reference_of(doubled, at_flip, steps)
-    basis = first_basis(doubled, at_flip, steps)
-    correction = correct(doubled, guess, constraint, basis, steps, reference)
-    if correction.cycle is None:
-        return None
-    found = correction.cycle.unknowns
-    start = BranchStart(found.state, found.parameter, found.period)
-    return DoubledBranch(doubled, start, 1 if found.parameter >= parameter else -1, correction)
+    row, basis = vector / float(vector @ vector), first_basis(doubled, at_flip, steps)
+    found: list[Unknowns] = []
+    for factor in (1.0, _FARTHER):
+        size = factor * amplitude
+        guess = Unknowns(event.state + size * vector, 2.0 * event.period, parameter)
+        constraint = Constraint(Unknowns(row, 0.0, 0.0), float(row @ event.state) + size)
+        correction = correct(doubled, guess, constraint, basis, steps, reference)
+        if correction.cycle is None:
+            return None
+        found.append(correction.cycle.unknowns)
+    # the bifurcation itself is not the same with other time steps, so that a second amplitude tells the sense
+    first, second = found
+    start = BranchStart(first.state, first.parameter, first.period)
+    return DoubledBranch(doubled, start, 1 if second.parameter >= first.parameter else -1)
 
 
 def doubled_map(period_map: PeriodMap) -> PeriodMap:

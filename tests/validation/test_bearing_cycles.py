@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,10 @@ from pipelines.bifurcations.branch import (
     BranchStop,
     ContinuationOptions,
 )
+from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveState, CurveStop
+from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind, unstable_count
+from pipelines.bifurcations.switching import curve_from_event
 from pipelines.case.models import PARAMETERS, Case
 from pipelines.case.reading import read_cases
 from pipelines.machine import film
@@ -166,6 +169,29 @@ def test_neimark_sacker_tends_to_the_hopf_point(frequency: float) -> None:
     assert orders(turn_to_passive)[0] == pytest.approx(1.0, abs=0.15)
     assert to_passive[1] < 2e-3
     assert to_mean[1] < 5e-5
+
+
+def _keep(states: list[CurveState], point: CurvePoint, state: CurveState, specials: object) -> None:
+    states.append(state)
+
+
+def test_the_neimark_sacker_curve_tends_to_the_line_at_the_hopf_speed() -> None:
+    """Over the excitation frequency it leaves the Hopf speed by the square of the displacement."""
+    distances = []
+    for displacement in DISPLACEMENTS:
+        one = case((16, 2), displacement=displacement, excitation={"frequency": 0.7})
+        problem = cycle_problem(build_machine(one), one)
+        event, still = neimark_sacker(0.7, displacement), hopf(displacement).speed
+        curves, start = curve_from_event(problem, event, ("excitation_frequency", "speed"))
+        states: list[CurveState] = []
+        options = CurveOptions(((0.6, 0.7), (still - 0.01, still + 0.01)), direction=-1, normal_form=None)
+        record = partial(_keep, states)
+        assert continue_curve(curves, start, options, record).stop is CurveStop.RANGE
+        frequencies, speeds = np.array([state.parameters for state in states]).T
+        assert frequencies[-1] == 0.6
+        distances.append(np.max(np.abs(speeds - still)))
+    assert distances[1] < 1e-3
+    assert math.log2(distances[0] / distances[1]) == pytest.approx(2.0, abs=0.2)
 
 
 def test_without_excitation_the_multipliers_are_those_of_the_equilibrium() -> None:

@@ -1,0 +1,154 @@
+"""The search of a window of the plane: lines, curves, what it says of its cover, resume."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipelines.bifurcations.detection import EventKind
+from pipelines.datasets.integrity import verify
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.records import Group
+from pipelines.datasets.store import open_for_reading
+from pipelines.stages.bifurcation_set import Line, covered, lines_of_round, lowest_speed
+from pipelines.stages.curve_rows import CONTAINERS, traced
+from pipelines.stages.curve_tracking import _starts
+from pipelines.stages.job import Job
+from tests.helpers.tiny import PASSIVE, Watched, tiny_case
+from tests.helpers.trees import compare_trees
+
+WINDOW = (
+    "excitation.frequency=0.77",
+    "continue_cycles.range=[1.2, 1.24]",
+    "continue_cycles.start=1.2",
+    "track_curves.ranges=[[0.75, 0.82], [1.2, 1.24]]",
+    "track_curves.maximum_step=0.04",
+    "track_curves.normal_forms=false",
+    "bifurcation_set.frequencies=1",
+    "bifurcation_set.speeds=1",
+    "bifurcation_set.resonances=false",
+    "numerics.multiplier_tolerance=1e-4",
+)
+NAMES = ("excitation_frequency", "speed")
+
+
+def job(path: Path, *overrides: str) -> Job:
+    return Job.of("test", tiny_case(*WINDOW, *overrides), path, lambda progress: None, lambda: False)
+
+
+def group(path: Path, name: str) -> Group:
+    return read_group(open_for_reading(path), f"cases/smoke/{name}")
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("searched") / "a.zarr"
+    assert Watched("continue_cycles", tiny_case(*WINDOW), path).result.ok
+    result = Watched("bifurcation_set", tiny_case(*WINDOW), path).result
+    assert result.ok, result.advice
+    assert "met no new curve" in result.stop_reason
+    return path
+
+
+def test_every_bifurcation_of_every_line_is_on_a_curve(searched: Path) -> None:
+    """And the Neimark-Sacker and the period-doubling curve of the window are there once."""
+    at = job(searched)
+    for kind, container in CONTAINERS.items():
+        curves = [at.read(name) for name in at.groups(container)]
+        starts = list(_starts(at, kind))
+        assert all(any(traced(curve, NAMES).holds(start.guess) for curve in curves) for start in starts), kind
+        halves = [curve.attributes["half"] for curve in curves]
+        assert halves == ([] if kind is EventKind.FOLD else [0, 1])
+        assert starts or kind is EventKind.FOLD
+
+
+def test_it_says_how_it_covered_the_window(searched: Path) -> None:
+    found = group(searched, "bifurcation_set")
+    assert found.attributes["complete"] is True
+    assert found.attributes["rounds"] == 2
+    assert found.attributes["covered"] == (
+        "2 branches along the speed and 2 along the excitation frequency in 2 rounds; "
+        "the last 2 of them met no new curve"
+    )
+    assert found["line_round"].tolist() == [0, 0, 1, 1]
+    assert found.labels("line_complete").tolist() == ["yes"] * 4
+    assert found.labels("line_parameter").tolist() == ["excitation_frequency", "speed"] * 2
+    assert found["line_new_curves"][2:].tolist() == [0, 0]
+    assert found["line_low"] == pytest.approx([0.75, 1.2, 0.75, 1.2])
+    assert found["line_high"] == pytest.approx([0.82, 1.24, 0.82, 1.24])
+    assert found.attributes["lowest_speed"] == 1.2
+    events = [group(searched, f"cycles/s{index:03d}").n_events for index in range(4)]
+    assert found["line_events"].tolist() == events
+
+
+def test_an_interrupted_search_resumes_to_the_same_bytes(searched: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.zarr"
+    Watched("continue_cycles", tiny_case(*WINDOW), path)
+    for stop in (4, 9, 6):
+        stopped = Watched("bifurcation_set", tiny_case(*WINDOW), path, stop_after=stop)
+        assert stopped.result.stop_reason == "stopped on request"
+    assert Watched("bifurcation_set", tiny_case(*WINDOW), path).result.ok
+    assert compare_trees(searched, path) == []
+    assert verify(path) == []
+    again = Watched("bifurcation_set", tiny_case(*WINDOW), path)
+    assert again.told == []
+
+
+def test_rounds_halve_the_cells(searched: Path) -> None:
+    at = job(searched, "bifurcation_set.frequencies=2", "bifurcation_set.speeds=0")
+    low, high = 0.75, 0.82
+    positions = [
+        [(line.fixed - low) / (high - low) for line in lines_of_round(at, number, 1.2)] for number in range(4)
+    ]
+    assert positions == [
+        pytest.approx([0.25, 0.75]),
+        pytest.approx([0.0, 0.5]),
+        pytest.approx([0.125, 0.625]),
+        pytest.approx([0.375, 0.875]),
+    ]
+
+
+def test_lines_at_predicted_resonances(searched: Path) -> None:
+    """Twice a critical speed, unless another line is beside it."""
+    overrides = (
+        "bifurcation_set.resonances=true", "bifurcation_set.speeds=0", "bifurcation_set.frequencies=2",
+        "track_curves.ranges=[[0.2, 2.0], [1.2, 1.24]]",
+    )  # fmt: skip
+    case = tiny_case(*WINDOW, *overrides)
+    assert Watched("criticals", case, searched).result.ok
+    found = [line.fixed for line in lines_of_round(job(searched, *overrides), 0, 1.2)]
+    resonances = group(searched, "criticals")
+    principal = 2.0 * resonances["critical_speed"]
+    wanted = [*principal, *(0.5 * principal)]
+    assert found[:2] == pytest.approx([0.65, 1.55])
+    assert len(found) > 2
+    for value in found[2:]:
+        assert np.min(np.abs(np.array(wanted) - value)) < 1e-12
+        assert min(abs(value - other) for other in found if other != value) > 0.02 * 1.8
+
+
+def test_the_lowest_speed_leaves_the_smallest_film(searched: Path) -> None:
+    """Between the ends of the range the film at the lowest speed is the one asked for."""
+    at = job(searched, "track_curves.ranges=[[0.75, 0.82], [0.1, 1.24]]", "bifurcation_set.smallest_film=0.3")
+    lowest = lowest_speed(at)
+    assert lowest is not None
+    films = []
+    for speed in (lowest - 2e-3, lowest):
+        linear = tiny_case(*WINDOW, f"linearize.speed_range=[{speed}, {speed + 0.1}]", "linearize.points=2")
+        path = searched.with_name(f"film-{speed}.zarr")
+        assert Watched("linearize", linear, path).result.ok
+        films.append(group(path, "linear")["minimum_film"][0].min())
+    assert films[0] < 0.3 <= films[1]
+    assert lowest_speed(job(searched, "bifurcation_set.smallest_film=0.99")) is None
+
+
+def test_nothing_is_searched_without_excitation(tmp_path: Path) -> None:
+    result = Watched("bifurcation_set", tiny_case(config=PASSIVE), tmp_path / "a.zarr").result
+    assert result.ok
+    assert "without displacement" in result.stop_reason
+
+
+def test_an_incomplete_search_says_so() -> None:
+    assert "max_rounds" in covered([Line("speed", 0.5, 0), Line("speed", 0.7, 1)], False)

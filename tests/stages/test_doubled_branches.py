@@ -1,0 +1,93 @@
+"""Branches of period-doubled cycles: where they start, what their cycles are, resume."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipelines.case.models import PARAMETERS
+from pipelines.datasets.integrity import verify
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.records import Group
+from pipelines.datasets.store import open_for_reading
+from pipelines.machine.assembly import build_machine
+from pipelines.stages.branch_run import turned
+from pipelines.stages.cycle_problem import cycle_problem
+from tests.helpers.tiny import Watched, tiny_case
+from tests.helpers.trees import compare_trees
+
+# across the lower edge of a tongue of period doublings
+ACROSS = (
+    "operation.speed=1.05",
+    "continue_cycles.parameter=excitation_frequency",
+    "continue_cycles.range=[0.765, 0.785]",
+    "continue_cycles.start=0.765",
+    "continue_cycles.step=0.002",
+    "continue_cycles.amplitude=0.005",
+    "continue_cycles.maximum_step=0.01",
+    "continue_cycles.max_points=7",
+    "continue_cycles.doublings=1",
+    "numerics.multiplier_tolerance=1e-4",
+)
+
+
+def branch(path: Path, name: str) -> Group:
+    return read_group(open_for_reading(path), f"cases/smoke/cycles/{name}")
+
+
+@pytest.fixture(scope="module")
+def doubled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("doubled") / "a.zarr"
+    result = Watched("continue_cycles", tiny_case(*ACROSS), path).result
+    assert result.ok
+    assert result.summary["doubled branches"] == 1
+    return path
+
+
+def test_doubled_cycles_close_after_two_periods(doubled: Path) -> None:
+    case = tiny_case(*ACROSS).case
+    simple = cycle_problem(build_machine(case), case)
+    twice = turned(simple, 2).period_map
+    rows = branch(doubled, "d000")
+    assert rows.attributes["turns"] == 2
+    assert rows.attributes["origin"] == {"group": "cycles/b000", "event": 0}
+    for index in range(rows.n_points):
+        parameters = np.array([rows[name][index] for name in PARAMETERS])
+        state, steps = rows["state"][index], int(rows["steps_per_period"][index])
+        assert rows["period"][index] == pytest.approx(4.0 * np.pi / parameters[1], rel=1e-12)
+        image = twice.evaluate(state, parameters, float(rows["period"][index]), steps)
+        assert np.max(np.abs(image.state - state)) < 1e-9
+        orbit = rows["orbit"][index]
+        apart = np.max(np.abs(orbit[0] - orbit[len(orbit) // 2]))
+        assert apart > 1e-4, "a cycle of the simple period would close after one"
+
+
+def test_they_are_born_at_the_period_doubling(doubled: Path) -> None:
+    """Their amplitude grows like the square root of the distance, and they take over the stability."""
+    parent, rows = branch(doubled, "b000"), branch(doubled, "d000")
+    (critical,) = parent["event_excitation_frequency"]
+    orbits, frequency = rows["orbit"], rows["excitation_frequency"]
+    amplitude = np.linalg.norm(orbits[:, 0] - orbits[:, orbits.shape[1] // 2], axis=1)
+    # frequency - critical = c amplitude^2, whatever shift of the critical one other time steps cause
+    slopes = np.diff(amplitude[:4] ** 2) / np.diff(frequency[:4])
+    assert slopes == pytest.approx(slopes[0], rel=0.05)
+    born = frequency[0] - amplitude[0] ** 2 / slopes[0]
+    assert born == pytest.approx(critical, abs=1e-4)
+    # supercritical: born where the simple cycles are unstable, and stable themselves
+    assert parent["unstable_count"][parent["excitation_frequency"] > critical].tolist() == [1] * int(
+        np.sum(parent["excitation_frequency"] > critical)
+    )
+    assert np.all(frequency > born)
+    assert rows["unstable_count"][0] == 0
+
+
+@pytest.mark.parametrize("stop", [2, 5])
+def test_resuming_gives_the_same_bytes(doubled: Path, tmp_path: Path, stop: int) -> None:
+    path = tmp_path / "a.zarr"
+    assert Watched("continue_cycles", tiny_case(*ACROSS), path, stop_after=stop).result.ok
+    assert Watched("continue_cycles", tiny_case(*ACROSS), path).result.ok
+    assert compare_trees(doubled, path) == []
+    assert verify(path) == []
+    assert Watched("continue_cycles", tiny_case(*ACROSS), path).told == []
