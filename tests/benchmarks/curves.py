@@ -14,7 +14,8 @@ from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.normal_forms import NormalFormOptions
 from pipelines.bifurcations.switching import curve_from_event
-from pipelines.stages.cycle_problem import continuation_options
+from pipelines.orbits.period_map import PeriodMap
+from pipelines.stages.cycle_problem import NORMAL_FORM, continuation_options, smooth_maps
 from tests.benchmarks.cycles import SPEED, Start, prepared, walked_point
 from tests.benchmarks.measuring import Measurement
 from tests.benchmarks.settings import Settings
@@ -29,13 +30,18 @@ def curve_point(settings: Settings) -> list[Measurement]:
     grid = settings.monodromy_grids[-1]
     start = prepared(grid)
     event, (correction, _) = _neimark_sacker(start), walked_point(start, settings.branch_points)
-    plain = _seconds(start, event, None, settings.branch_points)
-    whole = _seconds(start, event, NormalFormOptions(), settings.branch_points)
+    widths = start.description.track_curves.normal_form_widths
+    smooth = smooth_maps(start.description, start.problem.period_map, widths)
+    plain = _seconds(start, event, (), None, settings.branch_points)
+    whole = _seconds(start, event, smooth, NORMAL_FORM, settings.branch_points)
     what = f"time per point of a Neimark-Sacker curve / per point of a branch, {grid[0]}x{grid[1]}"
     return [
         Measurement("curve_point_ratio", plain / correction, "1", what),
         Measurement(
-            "curve_point_ratio_normal_form", whole / correction, "1", f"{what}, with its normal form"
+            "curve_point_ratio_normal_form",
+            whole / correction,
+            "1",
+            f"{what}, with its normal forms from {len(widths)} regularised maps",
         ),
     ]
 
@@ -53,13 +59,19 @@ def _neimark_sacker(start: Start) -> Event:
     return found[0]
 
 
-def _seconds(start: Start, event: Event, normal_form: NormalFormOptions | None, points: int) -> float:
+def _seconds(
+    start: Start,
+    event: Event,
+    smooth: tuple[PeriodMap, ...],
+    normal_form: NormalFormOptions | None,
+    points: int,
+) -> float:
     marks: list[float] = []
 
     def record(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
         marks.append(time.process_time())
 
-    problem, first = curve_from_event(start.problem, event, NAMES)
+    problem, first = curve_from_event(start.problem, event, NAMES, smooth_maps=smooth)
     options = CurveOptions(
         RANGES, step=STEP, maximum_step=STEP, max_points=points + 1, normal_form=normal_form
     )
