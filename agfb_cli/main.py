@@ -16,6 +16,7 @@ from agfb_cli.commands import (
     figures,
     info,
     linearize,
+    report,
     run,
     schema,
     track_curves,
@@ -93,6 +94,7 @@ app.command("track-pd", help=track_curves.PERIOD_DOUBLING_HELP)(track_curves.tra
 app.command("track-ns", help=track_curves.NEIMARK_SACKER_HELP)(track_curves.track_ns)
 app.command("track-folds", help=track_curves.FOLD_HELP)(track_curves.track_folds)
 app.command("run", help=run.HELP)(run.run)
+app.command("report")(report.report)
 app.command("figures")(figures.figures)
 app.command("validate")(validate.validate)
 app.command("schema")(schema.schema)

@@ -43,7 +43,7 @@ def figures(
     """Draw the figures of a store.
 
     Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bifurcation,
-    multipliers, orbits, film. Files are DIRECTORY/CASE/FIGURE.FORMAT; the same store always gives the same
+    multipliers, orbits, film, tree, stability. Files are DIRECTORY/CASE/FIGURE.FORMAT; the same store always gives the same
     bytes.
     """
     console = Console(quiet, verbose, json, traceback)

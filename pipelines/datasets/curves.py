@@ -65,14 +65,24 @@ class BifurcationCurve:
         first, second = (_finite(spline.derivative().roots(extrapolate=False)) for spline in self.splines)
         return first, second
 
+    @cached_property
+    def extent(self) -> tuple[Array, Array]:
+        """Smallest and largest value of both parameters (2,), (2,)."""
+        turning = self.at(np.concatenate(self.extrema))
+        points = np.concatenate([self.points, turning])
+        return points.min(axis=0), points.max(axis=0)
+
     def at(self, arclength: Array | float) -> Array:
         """Points of the curve (..., 2)."""
         return np.stack([spline(arclength) for spline in self.splines], axis=-1)
 
     def where(self, axis: int, value: float) -> Array:
         """Increasing arclengths at which parameter ``axis`` has a value: real roots of the cubics."""
-        knots = self.points[:, axis]
-        at_rows = np.abs(knots - value) <= _AT_A_ROW * max(float(np.ptp(knots)), abs(value))
+        knots, (smallest, largest) = self.points[:, axis], self.extent
+        slack = _AT_A_ROW * max(float(np.ptp(knots)), abs(value))
+        if not smallest[axis] - slack <= value <= largest[axis] + slack:
+            return np.zeros(0)
+        at_rows = np.abs(knots - value) <= slack
         found = _finite(self.splines[axis].solve(value, extrapolate=False))
         between = found[~np.isin(found, self.arclength)]
         if at_rows.any():  # such a root may be missed, or found a second time beside the row

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ CRITICAL_MULTIPLIERS = {"period_doubling": 1, "neimark_sacker": 2, "fold": 1}
 NO_BIFURCATION = "none"
 UNSET = "unset"
 GRID = 201  # values of the other parameter at which the boundary is sought, beside those where it turns
+SLIVER = 1e-6  # of the width: parts narrower than this are gaps between curves that end in one point
 RESOLUTION = 1e-9  # of the width of the plane, to which the places are found where one boundary takes over
 SAMPLES_TRIED = 12  # stored cycles, nearest first, from which the stability at the lowest speed is carried
 
@@ -90,6 +92,9 @@ class SpeedPlane:
         low, high = min(start, stop), max(start, stop)
         found = []
         for number, curve in enumerate(self.curves):
+            smallest, largest = curve.extent
+            if largest[1 - axis] < low or smallest[1 - axis] > high:
+                continue
             for arclength in curve.where(axis, value):
                 position = float(curve.at(arclength)[1 - axis])
                 if low < position <= high:
@@ -105,7 +110,8 @@ class SpeedPlane:
         if count:
             return Boundary(abscissa, lowest, "unstable")
         base = UNSET if count is None else "stable"
-        for crossing in self.crossings(self.axis, abscissa, lowest, highest):
+        from_speed = lowest - RESOLUTION * (highest - lowest)  # a curve that ends at the lowest speed counts
+        for crossing in self.crossings(self.axis, abscissa, from_speed, highest):
             if crossing.unstable <= 0:  # -1: not known, so it may be one
                 return self._bounded(abscissa, base, crossing)
         return Boundary(abscissa, highest, base)
@@ -181,7 +187,14 @@ def lower_envelope(plane: SpeedPlane, grid: int = GRID, speeds: Sequence[float] 
     envelope = found[:1]
     for right in found[1:]:
         envelope += [*_between(plane, envelope[-1], right, apart), right]
-    return envelope
+    return _without_slivers(envelope, SLIVER * (high - low))
+
+
+def _without_slivers(envelope: Sequence[Boundary], narrowest: float) -> list[Boundary]:
+    """The boundaries of all parts wide enough: curves that meet in one point are stored with a gap there."""
+    parts = [list(part) for _, part in groupby(envelope, key=lambda boundary: boundary.identity)]
+    wide = [part for part in parts if part[-1].abscissa - part[0].abscissa > narrowest]
+    return [boundary for part in wide for boundary in part]
 
 
 def _between(plane: SpeedPlane, left: Boundary, right: Boundary, apart: float) -> list[Boundary]:

@@ -89,8 +89,18 @@ class OperatingRange:
     best: Best | None
     cautions: tuple[str, ...]
 
-    def gain(self, speed: float | None) -> float | None:
-        """Relative gain of the best speed over another."""
+    @property
+    def passive_gain(self) -> float | None:
+        """Relative gain of the best speed over the instability speed without displacement of the rings."""
+        return self._gain(self.passive)
+
+    @property
+    def reference_gain(self) -> float | None:
+        """Relative gain over the reference frequency; None unless a bifurcation bounds the range there."""
+        bounded = self.reference is not None and self.reference.curve >= 0
+        return self._gain(self.reference.speed) if bounded and self.reference is not None else None
+
+    def _gain(self, speed: float | None) -> float | None:
         return None if self.best is None or not speed else self.best.boundary.speed / speed - 1.0
 
     def stretches(self) -> list[Stretch]:
@@ -126,9 +136,9 @@ class OperatingRange:
             "highest_speed": self.speeds[1],
             "curves": list(self.curves),
             "passive_instability_speed": self.passive,
-            "passive_gain": self.gain(self.passive),
+            "passive_gain": self.passive_gain,
             "reference": None if self.reference is None else self.told(self.reference),
-            "reference_gain": None if self.reference is None else self.gain(self.reference.speed),
+            "reference_gain": self.reference_gain,
             "best": None if self.best is None else self.told(self.best.boundary),
             "best_interval": None if self.best is None else list(self.best.interval),
             "cautions": list(self.cautions),
