@@ -158,8 +158,12 @@ def _bifurcation(part: Stretch) -> str:
         return "unstable from the lowest speed"
     if part.first.is_open:
         return "none in the plane"
+    if part.first.bifurcation == "fold":  # which is neither supercritical nor subcritical
+        return "fold"
     kinds = [kind for kind in part.criticalities if kind != "unset"]
-    known = " and ".join(kinds) + (", partly unknown" if kinds and len(kinds) < len(part.criticalities) else "")
+    known = " and ".join(kinds) + (
+        ", partly unknown" if kinds and len(kinds) < len(part.criticalities) else ""
+    )
     return BIFURCATIONS[part.first.bifurcation] + f", {known or 'type unknown'}"
 
 

@@ -18,7 +18,9 @@ from scipy.interpolate import CubicHermiteSpline
 Array = NDArray[np.float64]
 
 CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
-FINISHED = frozenset({"closed", "range", "resonance_1", "resonance_2"})  # reasons after which nothing is missing
+FINISHED = frozenset(
+    {"closed", "range", "resonance_1", "resonance_2"}
+)  # reasons after which nothing is missing
 UNKNOWN = "unset"
 _AT_A_ROW = 1e-12  # of the extent of the curve
 
@@ -124,7 +126,9 @@ class BifurcationCurve:
         return np.unique(np.concatenate([self.arclength, self.special]))
 
 
-def read_curve(name: str, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> BifurcationCurve | None:
+def read_curve(
+    name: str, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]
+) -> BifurcationCurve | None:
     """The curve of a group of kind ``curve`` (flags as their meanings); None while it has less than two points.
 
     Where tangents or arclength are missing, central differences along the chords take their place.
@@ -138,7 +142,10 @@ def read_curve(name: str, arrays: Mapping[str, NDArray[Any]], attributes: Mappin
     slopes = np.asarray(arrays.get("parameter_tangent", np.full((count, 2), np.nan)), dtype=np.float64)
     if not np.all(np.diff(arclength) > 0.0):
         chords = np.hypot(*np.diff(points, axis=0).T)
-        arclength, slopes = np.concatenate([[0.0], np.cumsum(np.maximum(chords, 1e-15))]), np.full((count, 2), np.nan)
+        arclength, slopes = (
+            np.concatenate([[0.0], np.cumsum(np.maximum(chords, 1e-15))]),
+            np.full((count, 2), np.nan),
+        )
     along = np.gradient(points, arclength, axis=0)
     slopes = np.where(np.isfinite(slopes), slopes, along)
     curve = BifurcationCurve(

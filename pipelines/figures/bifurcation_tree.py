@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,13 +29,15 @@ MARGIN = 0.12
 
 
 @style.in_style
-def draw_bifurcation_tree(case: CaseView, parameter: str, branches: Mapping[str, Table], axis: int = 1) -> Figure:
+def draw_bifurcation_tree(
+    case: CaseView, parameter: str, branches: Mapping[str, Table], axis: int = 1
+) -> Figure:
     """The first journal at the start of every excitation period (``axis`` 0: x, 1: y) against the parameter.
 
     ``branches`` by name, those of doubled cycles with the attribute ``turns``; at least one with points.
     """
     column = case.journal_coordinates(0)[axis]
-    curves = rooted_curves(branches, parameter, column)
+    curves = joined_curves(branches, parameter, column)
     whole, doubled = _extents(branches, parameter)
     magnified = doubled is not None and np.ptp(doubled) < MAGNIFIED_BELOW * np.ptp(whole)
     figure = style.new_figure(6.6 if magnified else 4.3)
@@ -69,28 +70,43 @@ def stroboscopic(branch: Table, column: int) -> NDArray[np.float64]:
     return np.asarray((1.0 - share) * orbit[:, before] + share * orbit[:, (before + 1) % samples])
 
 
-def rooted_curves(branches: Mapping[str, Table], parameter: str, column: int) -> dict[str, Curve]:
-    """Every branch with its bifurcations threaded in; doubled ones begin at the bifurcation they leave."""
+def joined_curves(branches: Mapping[str, Table], parameter: str, column: int) -> dict[str, Curve]:
+    """Every branch with its bifurcations threaded in; doubled ones begin at the period doubling which they
+    leave, and end at the one to which they come back.
+    """
     curves = {
-        name: thread_events(branch, parameter, stroboscopic(branch, column)) for name, branch in branches.items()
+        name: thread_events(branch, parameter, stroboscopic(branch, column))
+        for name, branch in branches.items()
     }
-    return {name: _rooted(branches[name], curve, curves) for name, curve in curves.items()}
+    return {name: _joined(branches[name], parameter, curve, curves) for name, curve in curves.items()}
 
 
-def _rooted(branch: Table, curve: Curve, curves: Mapping[str, Curve]) -> Curve:
+def _joined(branch: Table, parameter: str, curve: Curve, curves: Mapping[str, Curve]) -> Curve:
     origin = branch.attributes.get("origin") or {}
     parent = curves.get(str(origin.get("group", "")).removeprefix("cycles/"))
     if parent is None or not 0 <= int(origin["event"]) < len(parent.event_rows):
         return curve
-    row = parent.event_rows[int(origin["event"])]
-    turns, before = curve.values.shape[1], parent.values.shape[1]
-    start = np.tile(parent.values[row], turns // before)[None, :]
-    return replace(
-        curve,
-        parameter=np.concatenate([parent.parameter[row : row + 1], curve.parameter]),
-        values=np.concatenate([start, curve.values]),
-        stable=np.concatenate([curve.stable[:1], curve.stable]),
-        event_rows=curve.event_rows + 1,
+    left = int(origin["event"])
+    others = [row for number, row in enumerate(parent.event_rows) if number != left]
+    curve = _with_ends(curve, parent, [int(parent.event_rows[left])], [])
+    if branch.attributes.get("stop_reason") != "limit" or len(branch["arclength"]) < 2:
+        return curve
+    # where a doubled branch ends for coming back, a period doubling of its parent is within two steps
+    near = 2.0 * float(branch["arclength"][-1] - branch["arclength"][-2])
+    last = float(branch[parameter][-1])
+    back = sorted(others, key=lambda row: abs(parent.parameter[row] - last))[:1]
+    return _with_ends(curve, parent, [], [int(r) for r in back if abs(parent.parameter[r] - last) <= near])
+
+
+def _with_ends(curve: Curve, parent: Curve, first: list[int], last: list[int]) -> Curve:
+    """A curve with rows of its parent put before and behind it."""
+    repeats = curve.values.shape[1] // parent.values.shape[1]
+    values = [np.tile(parent.values[rows], repeats) for rows in (first, last)]
+    return Curve(
+        np.concatenate([parent.parameter[first], curve.parameter, parent.parameter[last]]),
+        np.concatenate([values[0], curve.values, values[1]]),
+        np.concatenate([curve.stable[: len(first)], curve.stable, curve.stable[-1:][: len(last)]]),
+        curve.event_rows + len(first),
     )
 
 
@@ -107,7 +123,8 @@ def _magnify(panels: list[Axes], curves: Mapping[str, Curve], interval: tuple[fl
     """Give the second panel the doubled cycles alone, and mark its interval in the first."""
     low, high = interval
     inside = [
-        curve.values[(curve.parameter >= low) & (curve.parameter <= high)].ravel() for curve in curves.values()
+        curve.values[(curve.parameter >= low) & (curve.parameter <= high)].ravel()
+        for curve in curves.values()
     ]
     panels[1].set(xlim=(low, high), ylim=limits(np.concatenate(inside), 0.08))
     panels[0].axvspan(low, high, color=style.PALE_SKY, linewidth=0.0, zorder=0)

@@ -143,7 +143,11 @@ def _plans(
         tell(f"{case}: {kind} is left out: the store has no group {FIGURE_KINDS[kind]!r} for this case")
     plans = [plan for name, table in tables.items() for plan in _single_plans(view, _kind(name), table)]
     branches = {name.rsplit("/", 1)[1]: table for name, table in tables.items() if _kind(name) == "cycles"}
-    plans += [*_bifurcation_plans(view, branches), *_branch_plans(view, branches), *_tree_plans(view, branches)]
+    plans += [
+        *_bifurcation_plans(view, branches),
+        *_branch_plans(view, branches),
+        *_tree_plans(view, branches),
+    ]
     curves = {name.split("/", 2)[2]: table for name, table in tables.items() if _kind(name) == "curve"}
     plans += _map_plans(view, curves, {_kind(name): table for name, table in tables.items()})
     order = list(FIGURE_KINDS)

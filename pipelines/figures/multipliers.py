@@ -53,7 +53,9 @@ def draw_multipliers(case: CaseView, parameter: str, branch: Table, name: str) -
         for label, colour, marker in KINDS
     ]
     style.legend_below(figure, handles, 4)
-    return style.finish(figure, f"{case.name}: Floquet multipliers of {branch_title(name, branch)}", case.note)
+    return style.finish(
+        figure, f"{case.name}: Floquet multipliers of {branch_title(name, branch)}", case.note
+    )
 
 
 def _scatter(

@@ -62,7 +62,9 @@ def draw_orbits(case: CaseView, parameter: str, branch: Table, name: str) -> Fig
         Line2D([], [], marker="o", markersize=3, color="#333333", linestyle="none", label=r"$\tau=0$")
     )
     style.legend_below(figure, handles)
-    return style.finish(figure, f"{case.name}: orbits of the journals, {branch_title(name, branch)}", case.note)
+    return style.finish(
+        figure, f"{case.name}: orbits of the journals, {branch_title(name, branch)}", case.note
+    )
 
 
 def _looks(branch: Table, parameter: str) -> list[dict[str, Any]]:

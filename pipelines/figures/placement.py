@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
+from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
@@ -15,7 +16,7 @@ from scipy.optimize import isotonic_regression
 Array = NDArray[np.float64]
 
 DIRECTIONS = 16
-DISTANCES = (5.0, 10.0, 17.0, 26.0, 38.0)  # points, from a marker to its label
+DISTANCES = (4.5, 10.0, 17.0, 26.0, 38.0)  # points, from a marker to its label
 LEADER_FROM = 12.0  # points: labels farther away are tied to their marker by a line
 HALO = 1.5  # points kept free around a label
 LABEL_WEIGHT, OUTSIDE_WEIGHT, DISTANCE_WEIGHT = 1e4, 1e6, 0.02  # against one sample of a curve underneath
@@ -66,7 +67,7 @@ def place_labels(
 
 
 def _size(axes: Axes, renderer: RendererBase, text: str, fontsize: float) -> tuple[float, float]:
-    probe = axes.annotate(text, (0.0, 0.0), fontsize=fontsize)
+    probe = axes.text(0.5, 0.5, text, fontsize=fontsize, transform=axes.transAxes)
     box = probe.get_window_extent(renderer)
     probe.remove()
     return float(box.width), float(box.height)
@@ -86,7 +87,8 @@ def _best_offset(
     for distance in DISTANCES:
         for angle in 0.25 * np.pi + 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
             along = np.array([np.cos(angle), np.sin(angle)])
-            centre = anchor + along * (distance * scale + 0.5 * np.abs(along * [width, height]))
+            beside = np.clip(1.6 * along, -1.0, 1.0)  # the side or corner of the label that faces its point
+            centre = anchor + distance * scale * along + 0.5 * beside * [width, height]
             halo = HALO * scale
             box = Bbox.from_bounds(
                 centre[0] - 0.5 * width - halo,
@@ -121,6 +123,7 @@ def _write(axes: Axes, label: Label, offset: tuple[float, float], fontsize: floa
         va="center",
         fontsize=fontsize,
         zorder=6,
+        path_effects=[withStroke(linewidth=1.5, foreground="white")],
         arrowprops={"arrowstyle": "-", "linewidth": 0.4, "color": "#555555", "shrinkA": 1.0, "shrinkB": 2.0}
         if far
         else None,

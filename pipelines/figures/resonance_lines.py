@@ -16,7 +16,6 @@ from pipelines.figures.placement import spread
 
 LARGEST_ORDER = 2  # of the resonances drawn: weaker ones were never met
 CRITICALS = 4  # lowest critical speeds whose resonances are drawn
-ALIKE = 0.002  # of the width: resonances this close share a line
 STRIP = 0.15  # height of the labels, over that of the axes
 LABEL_SIZE, LABEL_GAP = 6.0, 0.0165  # type, and distance of neighbours over the width
 LINE_COLOUR, LABEL_COLOUR = "#B4B4B4", "#555555"
@@ -31,7 +30,7 @@ class Resonance:
 
 
 def resonances_of(criticals: Table, low: float, high: float) -> list[Resonance]:
-    """Predicted resonances inside an interval, by increasing frequency; equal ones share their formulas."""
+    """Predicted resonances inside an interval, by increasing frequency."""
     if "resonance_frequency" not in criticals:
         return []
     found: list[Resonance] = []
@@ -39,11 +38,7 @@ def resonances_of(criticals: Table, low: float, high: float) -> list[Resonance]:
     for frequency, j, k, order, kind in sorted(zip(*columns, strict=True), key=lambda row: float(row[0])):
         if not low <= frequency <= high or order > LARGEST_ORDER or max(j, k) > CRITICALS:
             continue
-        text = formula(str(kind), int(j), int(k), int(order))
-        if found and frequency - found[-1].frequency <= ALIKE * (high - low):
-            found[-1] = Resonance(found[-1].frequency, f"{found[-1].formula}, {text}")
-        else:
-            found.append(Resonance(float(frequency), text))
+        found.append(Resonance(float(frequency), formula(str(kind), int(j), int(k), int(order))))
     return found
 
 
@@ -97,7 +92,7 @@ def draw_frequencies(axes: Axes, criticals: Table) -> list[Line2D]:
     return drawn
 
 
-FREQUENCY_LOOK = {"color": style.SKY, "linewidth": 0.7, "alpha": 0.6, "zorder": 0.7}
+FREQUENCY_LOOK = {"color": style.SKY, "linewidth": 0.7, "alpha": 0.45, "zorder": 0.7}
 
 
 def _weakly_damped(criticals: Table, frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -115,5 +110,5 @@ def resonance_handles(lines: bool, frequencies: bool) -> list[Line2D]:
         handles.append(Line2D([], [], color=LINE_COLOUR, linewidth=0.9, label="predicted resonances"))
     if frequencies:
         label = r"$2\,$Im$\,\lambda_j(\bar{\Omega})/n$, $n=1,2$"
-        handles.append(Line2D([], [], color=style.SKY, linewidth=0.9, alpha=0.8, label=label))
+        handles.append(Line2D([], [], color=style.SKY, linewidth=0.9, alpha=0.6, label=label))
     return handles

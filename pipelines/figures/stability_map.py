@@ -30,8 +30,11 @@ KINDS = {
     "period_doubling": ("period doubling (PD)", style.ORANGE),
     "fold": ("fold (LPC)", style.GREEN),
 }
-LINES: dict[str, Any] = {"supercritical": "-", "subcritical": (0, (4.5, 1.8)), "unset": (0, (1.0, 1.1))}
-WIDTHS = {"supercritical": 1.7, "subcritical": 1.7, "unset": 1.3}
+NO_TYPE = "fold"  # a fold is neither supercritical nor subcritical
+LINES: dict[str, Any] = {
+    "supercritical": "-", "subcritical": (0, (4.5, 1.8)), "unset": (0, (1.0, 1.1)), NO_TYPE: "-"
+}  # fmt: skip
+WIDTHS = {"supercritical": 1.7, "subcritical": 1.7, "unset": 1.3, NO_TYPE: 1.7}
 PALE, THIN = 0.38, 0.55  # alpha of curves of unstable cycles, and relative width of those of doubled cycles
 SPECIAL_NAMES = {
     "fold_flip": "fold-flip",
@@ -67,7 +70,9 @@ class PlaneView:
         names, ranges = attributes["parameters"], attributes["ranges"]
         x, y = sorted(names, key=HORIZONTAL_FIRST.index)
         curves = [read_curve(name, table.arrays, table.attributes) for name, table in tables.items()]
-        limits = {str(name): (float(low), float(high)) for name, (low, high) in zip(names, ranges, strict=True)}
+        limits = {
+            str(name): (float(low), float(high)) for name, (low, high) in zip(names, ranges, strict=True)
+        }
         return cls(x, y, limits, tables, [curve for curve in curves if curve is not None], others)
 
     def order(self, curve: BifurcationCurve) -> list[int]:
@@ -99,15 +104,18 @@ def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False
     _add_second_axes(axes, top, view, case)
     style.legend_below(figure, handles, 4)
     style.finish(figure, f"{case.name}: bifurcation set{_constants(view)}{_progress(view)}", case.note)
-    samples = [points for curve in view.curves for _, points in parts_of(curve, view)]
-    place_labels(
-        axes,
-        figure.canvas.get_renderer(),  # type: ignore[attr-defined]
-        [Label(_special_name(kind), x, y) for kind, x, y, _ in special_points(view)],
-        np.concatenate(samples) if samples else np.zeros((0, 2)),
-        LABEL_SIZE,
-    )
+    labels = [Label(_special_name(kind), x, y) for kind, x, y, _ in special_points(view)]
+    place_labels(axes, figure.canvas.get_renderer(), labels, _drawn_points(view), LABEL_SIZE)  # type: ignore[attr-defined]
     return figure
+
+
+def _drawn_points(view: PlaneView) -> NDArray[np.float64]:
+    """Samples (n, 2) of all lines that labels keep away from."""
+    found = [points for curve in view.curves for _, points in parts_of(curve, view)]
+    if (passive := _passive_speed(view)) is not None:
+        along = np.linspace(*view.ranges[view.x], 400)
+        found.append(np.column_stack([along, np.full_like(along, passive)]))
+    return np.concatenate(found) if found else np.zeros((0, 2))
 
 
 @dataclass(frozen=True)
@@ -139,7 +147,7 @@ def parts_of(curve: BifurcationCurve, view: PlaneView) -> Iterator[tuple[Look, N
     looks = [
         Look(
             curve.bifurcation,
-            curve.criticality_at(float(middle)),
+            NO_TYPE if curve.bifurcation == "fold" else curve.criticality_at(float(middle)),
             curve.unstable_at(float(middle)) > 0,
             curve.turns > 1,
         )
@@ -164,20 +172,23 @@ def _draw_stable_range(axes: Axes, view: PlaneView) -> list[Patch]:
     abscissa, speed = (np.asarray(table[name], dtype=float) for name in ("abscissa", "speed"))
     lowest = float(table.attributes["lowest_speed"])
     stable = table["base"] != "unstable"
-    axes.fill_between(
-        abscissa, lowest, speed, where=stable, color=style.PALE_SKY, linewidth=0.0, zorder=0.3
-    )
+    axes.fill_between(abscissa, lowest, speed, where=stable, color=style.PALE_SKY, linewidth=0.0, zorder=0.3)
     return [Patch(facecolor=style.PALE_SKY, edgecolor="#B9D3E6", linewidth=0.6, label="free of bifurcations")]
 
 
-def _draw_passive(axes: Axes, view: PlaneView) -> list[Line2D]:
-    """The instability speed of the machine with undeformed rings."""
+def _passive_speed(view: PlaneView) -> float | None:
+    """The instability speed of the machine with undeformed rings; None where not known or not on an axis."""
     table = view.others.get("bifurcation_set")
     value = None if table is None else table.attributes.get("passive_instability_speed")
-    if value is None or view.y != "speed":
+    return None if value is None or view.y != "speed" else float(value)
+
+
+def _draw_passive(axes: Axes, view: PlaneView) -> list[Line2D]:
+    value = _passive_speed(view)
+    if value is None:
         return []
-    line = axes.axhline(float(value), color=INK, linewidth=0.9, linestyle=(0, (7, 2, 1.2, 2)), zorder=1.5)
-    line.set_label(rf"instability at $\bar{{\delta}}=0$: {float(value):.4g}")
+    line = axes.axhline(value, color=INK, linewidth=0.9, linestyle=(0, (7, 2, 1.2, 2)), zorder=1.5)
+    line.set_label(rf"instability at $\bar{{\delta}}=0$: {value:.4g}")
     return [line]
 
 
@@ -198,7 +209,7 @@ def _draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     handles += [
         Line2D([], [], color=INK, linestyle=line, linewidth=WIDTHS[name], label=names.get(name, name))
         for name, line in LINES.items()
-        if name in criticalities
+        if name in criticalities and name != NO_TYPE
     ]
     if any(look.unstable for look in looks):
         handles.append(Line2D([], [], color=INK, alpha=PALE, linewidth=1.7, label="of an unstable cycle"))
@@ -300,7 +311,9 @@ def _constants(view: PlaneView) -> str:
     if table is None:
         return ""
     fixed = [name for name in ("displacement", "foil_stiffness") if name not in (view.x, view.y)]
-    known = [f"{PARAMETER_AXES[name].symbol} = {float(table[name][0]):.4g}" for name in fixed if name in table]
+    known = [
+        f"{PARAMETER_AXES[name].symbol} = {float(table[name][0]):.4g}" for name in fixed if name in table
+    ]
     return " at " + ", ".join(known) if known else ""
 
 

@@ -173,7 +173,9 @@ def operating_range(store: Store, case: str) -> OperatingRange:
     groups.
     """
     groups = {name.split("/", 2)[2]: name for name in list_groups(store, case)}
-    searched = read_group(store, groups["bifurcation_set"], ()).attributes if "bifurcation_set" in groups else {}
+    searched = (
+        read_group(store, groups["bifurcation_set"], ()).attributes if "bifurcation_set" in groups else {}
+    )
     read = [read_group(store, path) for name, path in groups.items() if name.split("/")[0] in CONTAINERS]
     parameters, ranges = _plane(searched, read)
     speed_axis = parameters.index(SPEED)
@@ -187,7 +189,7 @@ def operating_range(store: Store, case: str) -> OperatingRange:
         *_samples(store, groups, parameters[1 - speed_axis]),
     )
     passive = searched.get("passive_instability_speed")
-    return _summary(plane, parameters[1 - speed_axis], passive, _set_cautions(searched))
+    return range_over(plane, parameters[1 - speed_axis], passive, _set_cautions(searched))
 
 
 def _plane(
@@ -231,18 +233,23 @@ def _set_cautions(searched: dict[str, Any] | Any) -> list[str]:
     return [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
 
 
-def _summary(plane: SpeedPlane, parameter: str, passive: float | None, cautions: list[str]) -> OperatingRange:
+def range_over(
+    plane: SpeedPlane, parameter: str, passive: float | None, cautions: Sequence[str] = ()
+) -> OperatingRange:
+    """The operating range over a plane whose abscissa is ``parameter``; ``passive``: instability speed without
+    displacement of the rings; ``cautions``: those known before.
+    """
     boundaries = lower_envelope(plane, speeds=() if passive is None else (passive,))
     near = [_near(plane, boundaries, end) for end in loose_ends(plane)]
     caution = np.any(near, axis=0) if near else np.zeros(len(boundaries), dtype=bool)
-    cautions += [
+    told = [
         f"{end.curve} stopped ({end.reason.replace('_', ' ')}) at {parameter.replace('_', ' ')} "
         f"{end.abscissa:.4g}, speed {end.speed:.4g}, near the first boundary"
         for end, concerned in zip(loose_ends(plane), near, strict=True)
         if concerned.any()
     ]
     if any(boundary.base == UNSET for boundary in boundaries):
-        cautions.append("no stored cycle tells everywhere whether the lowest speed is stable: taken as stable")
+        told.append("no stored cycle tells everywhere whether the lowest speed is stable: taken as stable")
     return OperatingRange(
         parameter,
         plane.abscissae,
@@ -253,7 +260,7 @@ def _summary(plane: SpeedPlane, parameter: str, passive: float | None, cautions:
         passive,
         _reference(plane) if parameter == FREQUENCY else None,
         best_of(boundaries, passive),
-        tuple(cautions),
+        (*cautions, *told),
     )
 
 
