@@ -16,6 +16,7 @@ from agfb_cli.commands import (
     figures,
     info,
     linearize,
+    report,
     run,
     schema,
     track_curves,
@@ -95,6 +96,7 @@ app.command("track-ns", help=track_curves.NEIMARK_SACKER_HELP)(track_curves.trac
 app.command("track-folds", help=track_curves.FOLD_HELP)(track_curves.track_folds)
 app.command("transient", help=transient.HELP)(transient.transient)
 app.command("run", help=run.HELP)(run.run)
+app.command("report")(report.report)
 app.command("figures")(figures.figures)
 app.command("validate")(validate.validate)
 app.command("schema")(schema.schema)

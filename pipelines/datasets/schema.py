@@ -686,6 +686,45 @@ TRANSIENT = GroupSpec(
     event="checkpoint",
 )
 
+OPERATING_RANGE = GroupSpec(
+    "operating_range",
+    "The bifurcation-free range of speeds over another parameter",
+    (
+        _real("abscissa", "abscissa", "the other parameter, named by the attribute parameter"),
+        _real(
+            "speed",
+            "abscissa",
+            "speed of the first bifurcation; highest speed where there is none, lowest speed where the cycle "
+            "is unstable there",
+        ),
+        _flag("base", "abscissa", "cycle at the lowest speed; unset: taken as stable", "unstable", "stable"),
+        _flag(
+            "bifurcation",
+            "abscissa",
+            "the first bifurcation",
+            "none",
+            "fold",
+            "period_doubling",
+            "neimark_sacker",
+        ),
+        _flag("criticality", "abscissa", "type of the first bifurcation", "subcritical", "supercritical"),
+        _real("angle", "abscissa", "argument of the critical multiplier", "rad"),
+        _count("curve", "abscissa", "curve of the first bifurcation, index into the attribute curves"),
+        _flag("caution", "abscissa", "whether an incomplete curve ends near the boundary", "no", "yes"),
+    ),
+)
+
 KINDS: Mapping[str, GroupSpec] = {
-    g.kind: g for g in (MACHINE, LINEAR, CRITICALS, CYCLES, CURVE, BIFURCATION_SET, REFINEMENT, TRANSIENT)
+    group.kind: group
+    for group in (
+        MACHINE,
+        LINEAR,
+        CRITICALS,
+        CYCLES,
+        CURVE,
+        BIFURCATION_SET,
+        REFINEMENT,
+        TRANSIENT,
+        OPERATING_RANGE,
+    )
 }

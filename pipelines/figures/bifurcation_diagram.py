@@ -173,7 +173,7 @@ def _draw_curve(
     curve = thread_events(branch, parameter, values)
     look = style.bearing_look(bearing)
     for column in curve.values.T:
-        for start, stop in _runs(curve.stable):
+        for start, stop in runs(curve.stable):
             line = "-" if curve.stable[start] else (0, (3.5, 1.8))
             axes.plot(curve.parameter[start : stop + 1], column[start : stop + 1], linestyle=line, **look)
         if len(curve.parameter) == 1:
@@ -194,7 +194,7 @@ def _draw_errors(
                 draw_bar(axes, bar, float(height), along_x=True)
 
 
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and last-plus-one index of every stretch of equal flags."""
     if len(flags) == 0:
         return []

@@ -61,3 +61,14 @@ class CaseView:
 def stable_points(branch: Table) -> NDArray[np.bool_]:
     """Points of a branch (point,) whose multipliers all lie inside the unit circle."""
     return np.asarray(branch["unstable_count"] == 0)
+
+
+def excitation_periods(branch: Table) -> int:
+    """Of how many excitation periods the cycles of a branch are: 1, or 2, 4, ... after period doublings."""
+    return int(branch.attributes.get("turns", 1))
+
+
+def branch_title(name: str, branch: Table) -> str:
+    """How a branch is called in titles."""
+    turns = excitation_periods(branch)
+    return f"branch {name}" + (f" of {turns} excitation periods" if turns > 1 else "")

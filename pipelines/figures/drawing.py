@@ -1,4 +1,9 @@
-"""All figures of a store: which there are, what each of them needs, and where their files go."""
+"""All figures of a store: which there are, what each of them needs, and where their files go.
+
+Of the branches of cycles those of `continue-cycles` (``b000``, ...) and their period-doubled ones (``d000``,
+...) are drawn. The lines that searched the plane (``s000``, ...) are not: there are dozens, and what they
+found is in the stability map.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +21,15 @@ from pipelines.datasets.store import Store, StoreError, open_for_reading
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, Scales
 from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram
+from pipelines.figures.bifurcation_tree import draw_bifurcation_tree
 from pipelines.figures.campbell import draw_campbell
 from pipelines.figures.condensation import draw_condensation
-from pipelines.figures.contents import CaseView, MissingDataError, Table
+from pipelines.figures.contents import CaseView, MissingDataError, Table, excitation_periods
 from pipelines.figures.linearization import draw_linearization
 from pipelines.figures.machine_drawing import draw_machine
 from pipelines.figures.multipliers import draw_multipliers
 from pipelines.figures.orbits import draw_film, draw_orbits
+from pipelines.figures.stability_map import PlaneView, draw_stability_map, same_plane
 
 Report = Callable[[str], None]
 
@@ -37,9 +44,18 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "multipliers": "cycles",
         "orbits": "cycles",
         "film": "cycles",
+        "tree": "cycles",
+        "stability": "curve",
     }
 )
-REFINEMENT = "refinement"  # the group of the errors, which other figures show
+# Figure: kinds of groups that add to it where the store has them.
+BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
+    {
+        "bifurcation": ("refinement",),
+        "stability": ("criticals", "bifurcation_set", "operating_range", "refinement"),
+    }
+)
+CURVE_CONTAINERS = ("pd", "ns", "folds")
 
 
 @dataclass(frozen=True)
@@ -116,7 +132,8 @@ def _plans(
         tell(f"{case} is left out: {error.message}")
         damaged.append(error)
         return []
-    wanted = [name for name in groups if _kind(name) in {REFINEMENT, *(FIGURE_KINDS[k] for k in kinds)}]
+    needed = {FIGURE_KINDS[kind] for kind in kinds}.union(*(BESIDE.get(kind, ()) for kind in kinds))
+    wanted = [name for name in groups if _kind(name) in needed and not _is_search_line(name)]
     tables = {}
     for name in wanted:
         try:
@@ -130,14 +147,26 @@ def _plans(
     plans = [plan for name, table in tables.items() for plan in _single_plans(view, _kind(name), table)]
     branches = {name.rsplit("/", 1)[1]: table for name, table in tables.items() if _kind(name) == "cycles"}
     refinement = tables.get(f"cases/{case}/refinement")
-    plans += [*_bifurcation_plans(view, branches, refinement), *_branch_plans(view, branches)]
+    plans += [
+        *_bifurcation_plans(view, branches, refinement),
+        *_branch_plans(view, branches),
+        *_tree_plans(view, branches),
+    ]
+    curves = {name.split("/", 2)[2]: table for name, table in tables.items() if _kind(name) == "curve"}
+    plans += _map_plans(view, curves, {_kind(name): table for name, table in tables.items()})
     order = list(FIGURE_KINDS)
     return sorted((plan for plan in plans if plan.kind in kinds), key=lambda plan: order.index(plan.kind))
 
 
 def _kind(group: str) -> str:
-    """Kind of a group from its path: cases/kb10/cycles/b000 holds cycles."""
-    return group.split("/")[2]
+    """Kind of a group from its path: cases/kb10/cycles/b000 holds cycles, cases/kb10/ns/c000 a curve."""
+    container = group.split("/")[2]
+    return "curve" if container in CURVE_CONTAINERS else container
+
+
+def _is_search_line(group: str) -> bool:
+    """Whether a group is one of the branches that searched the plane."""
+    return _kind(group) == "cycles" and group.rsplit("/", 1)[1].startswith("s")
 
 
 def _table(store: Store, name: str) -> Table:
@@ -203,6 +232,32 @@ def _branch_plans(view: CaseView, branches: Mapping[str, Table]) -> list[Plan]:
             started = len(branch["speed"]) > 0
             call = partial(draw, view, parameter, branch, name) if started else _nothing_yet(view, name)
             plans.append(Plan(kind, f"{kind}-{name}", call))
+    return plans
+
+
+def _tree_plans(view: CaseView, branches: Mapping[str, Table]) -> list[Plan]:
+    """A tree for every parameter along which there are period-doubled branches."""
+    plans = []
+    for parameter in PARAMETER_AXES:
+        along = {n: b for n, b in branches.items() if b.attributes.get("parameter") == parameter}
+        started = {name: branch for name, branch in along.items() if len(branch[parameter])}
+        if any(excitation_periods(branch) > 1 for branch in started.values()):
+            draw = partial(draw_bifurcation_tree, view, parameter, started)
+            plans.append(Plan("tree", f"tree-{parameter}", draw))
+    return plans
+
+
+def _map_plans(view: CaseView, curves: Mapping[str, Table], others: Mapping[str, Table]) -> list[Plan]:
+    """A map for every pair of parameters over which there are curves."""
+    plans = []
+    for plane in sorted({same_plane(curve) for curve in curves.values()}, key=sorted):
+        inside = {name: curve for name, curve in curves.items() if same_plane(curve) == plane}
+        content = PlaneView.of(inside, others)
+        default = (content.x, content.y) == ("excitation_frequency", "speed")
+        stem = "stability-map" if default else f"stability-map-{content.x}-{content.y}"
+        started = any(len(curve["speed"]) for curve in inside.values())
+        draw = partial(draw_stability_map, view, content) if started else _nothing_yet(view)
+        plans.append(Plan("stability", stem, draw))
     return plans
 
 

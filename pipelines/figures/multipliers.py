@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, limits
 from pipelines.figures.bifurcation_diagram import EVENT_MARKS, event_looks, event_names
-from pipelines.figures.contents import CaseView, Table
+from pipelines.figures.contents import CaseView, Table, branch_title
 
 LARGEST_SHOWN = 1.6  # multipliers beyond this would shrink the unit circle to a dot
 CLOSE_UP = (0.75, 1.1)  # moduli shown near the circle, at least
@@ -53,7 +53,9 @@ def draw_multipliers(case: CaseView, parameter: str, branch: Table, name: str) -
         for label, colour, marker in KINDS
     ]
     style.legend_below(figure, handles, 4)
-    return style.finish(figure, f"{case.name}: Floquet multipliers of branch {name}", case.note)
+    return style.finish(
+        figure, f"{case.name}: Floquet multipliers of {branch_title(name, branch)}", case.note
+    )
 
 
 def _scatter(

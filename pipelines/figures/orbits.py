@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, add_right, clearance_circle, limits
-from pipelines.figures.contents import CaseView, Table, stable_points
+from pipelines.figures.contents import CaseView, Table, branch_title, stable_points
 
 CYCLES = 4  # cycles drawn together
 SNAPSHOTS = 4  # instants drawn together
@@ -62,7 +62,9 @@ def draw_orbits(case: CaseView, parameter: str, branch: Table, name: str) -> Fig
         Line2D([], [], marker="o", markersize=3, color="#333333", linestyle="none", label=r"$\tau=0$")
     )
     style.legend_below(figure, handles)
-    return style.finish(figure, f"{case.name}: orbits of the journals, branch {name}", case.note)
+    return style.finish(
+        figure, f"{case.name}: orbits of the journals, {branch_title(name, branch)}", case.note
+    )
 
 
 def _looks(branch: Table, parameter: str) -> list[dict[str, Any]]:
@@ -143,5 +145,6 @@ def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: i
     style.legend_below(figure, panels[0, 0].get_legend_handles_labels()[0])
     symbol, value = PARAMETER_AXES[parameter].symbol, float(branch[parameter][point])
     state = "stable" if stable_points(branch)[point] else "unstable"
-    title = f"{case.name}: film and foil of the {state} cycle at {symbol} = {value:.4g}, branch {name}"
+    place = f"{symbol} = {value:.4g}, {branch_title(name, branch)}"
+    title = f"{case.name}: film and foil of the {state} cycle at {place}"
     return style.finish(figure, title, case.note)

@@ -28,6 +28,9 @@ FORMATS = ("png", "svg", "pdf")
 # Okabe and Ito: distinguishable with every common kind of colour blindness, and in grey.
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 YELLOW, BLUE, VERMILION, PURPLE, GREY = "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#7F7F7F"
+# Of the same hues as PURPLE and SKY: a line that is dark in print without colour, and an area that stays
+# behind.
+DEEP_PURPLE, PALE_SKY = "#6A1B5D", "#E4F1FA"
 CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK, GREY)
 BEARING_COLOURS = (BLUE, VERMILION)
 # One bearing is drawn broad and pale, the other thin on top of it: of a symmetric machine both stay visible.

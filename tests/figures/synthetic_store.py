@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from pipelines.datasets.branch import open_branch, write_group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, create_store
+from tests.helpers.curves import Path2, curve_rows, oval, write_curve, write_set
 
 Arrays = dict[str, NDArray[Any]]
 
 MASTERS = np.array([0, 2, 4, 7, 10, 12, 14])
-PARTS = ("machine", "linear", "criticals", "cycles")
+PARTS = ("machine", "linear", "criticals", "cycles", "doubled", "curves", "set")
 SAMPLES, SNAPSHOTS, THETAS, STATES, MULTIPLIERS = 64, 8, 41, 40, 12
 
 
@@ -262,13 +263,22 @@ def make_store(path: Path, points: int = 40, *, parts: tuple[str, ...] = PARTS, 
         if kind in parts:
             write_group(store, f"cases/kb10/{kind}", kind, arrays, ATTRIBUTES[kind])
     if "cycles" in parts:
-        write_branch(store, "cases/kb10/cycles/b000", points)
+        write_branch(store, "cases/kb10/cycles/b000", cycles(points))
+    if "cycles" in parts and "doubled" in parts:
+        write_doubled(store, points)
+    if "curves" in parts:
+        write_curves(store)
+    if "set" in parts:
+        write_set(store, "kb10")
     return store
 
 
-def write_branch(store: Store, group: str, points: int) -> None:
-    """A branch over the speed, left running after ``points`` of 60 points."""
-    rows, events = cycles(points)
+def write_branch(
+    store: Store, group: str, content: tuple[Arrays, list[dict[str, Any]]], stop: str = "running", **more: Any
+) -> None:
+    """A branch of at most 60 points over the speed, left running unless it stops; ``more``: attributes."""
+    rows, events = content
+    points = len(rows["speed"])
     theta = rows.pop("theta")
     sizes = {
         "point": 60,
@@ -286,10 +296,104 @@ def write_branch(store: Store, group: str, points: int) -> None:
         "coordinate_node": np.repeat(MASTERS, 2),
         "coordinate_axis": np.tile([0, 1], len(MASTERS)),
     }
-    attributes = {"parameter": "speed", "formulation": "stroboscopic"}
+    attributes = {"parameter": "speed", "formulation": "stroboscopic", **more}
     with open_branch(store, group, "cycles", sizes, static, attributes) as writer:
         for point in range(points):
             row = {name: values[point] for name, values in rows.items()}
             writer.commit(
                 row, {"basis_columns": 8}, [e for e in events if e["event_after_point"] == point - 1]
             )
+        if stop != "running":
+            writer.finish(stop)
+
+
+def doubled(turns: int, points: int, windows: tuple[tuple[float, float], ...]) -> Arrays:
+    """Rows of a branch of ``turns`` periods over the last of the windows between two period doublings; each
+    window splits the cycles once more.
+    """
+    rows, _ = cycles(points)
+    low, high = windows[-1]
+    # denser at the ends, as steps along the branch are
+    speed = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * np.arange(1, points + 1) / (points + 1))
+    samples = np.arange(SAMPLES)
+    turn = samples * turns // SAMPLES  # of each sample
+    phase = 2 * np.pi * (samples * turns / SAMPLES)
+    centre = _locus(speed)
+    orbit = np.zeros((points, SAMPLES, 2 * len(MASTERS)))
+    shift = np.zeros((points, SAMPLES))
+    for level, (start, stop) in enumerate(windows):
+        reach = np.sqrt((speed - start) * (stop - speed)) / (0.5 * (stop - start))
+        sign = np.where((turn >> level) % 2 == 0, 1.0, -1.0)
+        shift += 0.07 * 0.35**level * reach[:, None] * sign
+    for master in range(len(MASTERS)):
+        radius = (0.08 + 0.05 * speed + 0.01 * (master == 5))[:, None]
+        orbit[:, :, 2 * master] = centre[:, :1] + radius * np.cos(phase + 0.3)
+        orbit[:, :, 2 * master + 1] = centre[:, 1:] + 1.3 * radius * np.sin(phase) + shift
+    changed = {"speed": speed, "orbit": orbit, "orbit_minimum": orbit.min(axis=1),
+               "orbit_maximum": orbit.max(axis=1), "period": np.full(points, turns * 2 * np.pi / 0.7),
+               "unstable_count": np.zeros(points, dtype=np.int64)}  # fmt: skip
+    return rows | changed
+
+
+def write_doubled(store: Store, points: int) -> None:
+    """A branch of two periods between the period doublings of b000, one of four on it, and a search line."""
+    origin = {"group": "cycles/b000", "event": 0}
+    windows = ((0.5, 0.62), (0.53, 0.6))
+    second = doubled(2, points, windows[:1])
+    events = [_event("period_doubling", value, second["speed"], -1.0 + 0j) for value in (0.53, 0.6)]
+    inside = [event for event in events if 0 <= event["event_after_point"] < points - 1]
+    second["unstable_count"] = np.asarray((second["speed"] > 0.53) & (second["speed"] < 0.6), dtype=np.int64)
+    write_branch(store, "cases/kb10/cycles/d000", (second, inside), "limit", turns=2, origin=origin)
+    origin = {"group": "cycles/d000", "event": 0}
+    fourth = doubled(4, points, windows)
+    write_branch(store, "cases/kb10/cycles/d001", (fourth, []), "limit", turns=4, origin=origin)
+    write_branch(store, "cases/kb10/cycles/s000", cycles(min(points, 3)), fixed={"excitation_frequency": 0.7})
+
+
+def write_curves(store: Store) -> None:
+    """A plane with everything: a threshold in two halves, a tongue, a cusp, doubled cycles, a loose end."""
+    turn = 2 * np.pi
+
+    def threshold(f: NDArray[Any]) -> NDArray[Any]:
+        rise = 0.17 * np.exp(-(((f - 0.72) / 0.16) ** 2)) - 0.13 * np.exp(-(((f - 0.4) / 0.1) ** 2))
+        return np.column_stack([f, 1.03 + rise + 0.03 * np.sin(4 * f)])
+
+    right, left = curve_rows(threshold, (0.7, 2.0), 50), curve_rows(threshold, (0.7, 0.2), 24)
+    right["criticality"] = np.where(right["excitation_frequency"] < 1.52, 1, 0).astype(np.int8)
+    left["criticality"] = np.where(left["excitation_frequency"] < 0.45, 0, 1).astype(np.int8)
+    left["criticality"][3:5] = -1
+    left_specials = (
+        ("R3", *_on(threshold, 0.63)),
+        ("R4", *_on(threshold, 0.55)),
+        ("chenciner", *_on(threshold, 0.45)),
+    )
+    write_curve(store, "cases/kb10/ns/c000", "neimark_sacker", right,
+                specials=(("chenciner", *_on(threshold, 1.52)),
+                          ("flip_neimark_sacker", *_on(threshold, 1.134))))  # fmt: skip
+    write_curve(store, "cases/kb10/ns/c001", "neimark_sacker", left, specials=left_specials, half=1)
+    upper = curve_rows(lambda f: np.column_stack([f, 1.24 + 0.05 * np.cos(3 * f)]), (0.2, 0.95), 20)
+    upper["unstable_count"][:] = 2
+    write_curve(store, "cases/kb10/ns/c002", "neimark_sacker", upper, "minimum_step")
+    tongue = curve_rows(oval(1.25, 0.86, 0.13, 0.3), (0.0, turn), 60)
+    tongue["unstable_count"] = np.where(tongue["speed"] > 1.0, 2, 0)
+    tongue["criticality"] = np.where(tongue["excitation_frequency"] < 1.2, 0, 1).astype(np.int8)
+    low = 0.86 - 0.3 * np.sqrt(1 - (0.05 / 0.13) ** 2)
+    write_curve(store, "cases/kb10/pd/c000", "period_doubling", tongue, "closed",
+                specials=(("generalised_flip", 1.2, low), ("flip_neimark_sacker", 1.13, 1.0)))  # fmt: skip
+    inner = curve_rows(oval(1.26, 0.8, 0.06, 0.14), (0.0, turn), 40)
+    write_curve(store, "cases/kb10/pd/c001", "period_doubling", inner, "closed", turns=2)
+    tip = (1.72, 0.5)
+    cusp = curve_rows(
+        lambda a: np.column_stack([tip[0] + 0.9 * a**2, tip[1] + 0.3 * a - 1.2 * a**3]), (-0.5, 0.5), 40
+    )
+    cusp["criticality"][:] = -1
+    write_curve(store, "cases/kb10/folds/c000", "fold", cusp, "range",
+                specials=(("cusp", *tip), ("fold_flip", 1.78, 0.4447),
+                          ("fold_neimark_sacker", 1.765, 0.5537)))  # fmt: skip
+    stub = curve_rows(lambda f: np.column_stack([f, 0.55 + 0.3 * (f - 0.3)]), (0.3, 0.42), 8)
+    write_curve(store, "cases/kb10/folds/c001", "fold", stub, "minimum_step")
+
+
+def _on(path: Path2, value: float) -> tuple[float, float]:
+    frequency, speed = path(np.array([value]))[0]
+    return float(frequency), float(speed)

@@ -54,7 +54,7 @@ def test_all_figures_with_the_same_bytes_in_another_process(synthetic, tmp_path)
     written = draw_figures(store, output, formats=("svg",), report=said.append)
     assert dict(mpl.rcParams) == before
     assert said == []
-    assert [path.stem.split("-")[0] for path in written] == list(FIGURE_KINDS)
+    assert list(dict.fromkeys(path.stem.split("-")[0] for path in written)) == list(FIGURE_KINDS)
     assert all(path.parent == output / "kb10" for path in written)
     assert not list(output.rglob("*.partial"))
     again = digests(finished(elsewhere))

@@ -1,0 +1,322 @@
+"""Bifurcation set in the plane of two parameters: curves of bifurcations, special points, resonances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from pipelines.datasets.curves import BifurcationCurve, read_curve
+from pipelines.figures import style
+from pipelines.figures.axes import PARAMETER_AXES, add_right, add_top
+from pipelines.figures.contents import CaseView, Table
+from pipelines.figures.placement import Label, place_labels
+from pipelines.figures.resonance_lines import draw_frequencies, draw_resonances, resonance_handles
+
+HORIZONTAL_FIRST = ("excitation_frequency", "displacement", "foil_stiffness", "speed")
+SAMPLES = 12  # of the cubic between two rows
+ALIKE = 0.004  # of the plane: special points of one kind this close are one point, met on two curves
+LABEL_SIZE = 6.5
+
+KINDS = {
+    "neimark_sacker": ("Neimark–Sacker (NS)", style.DEEP_PURPLE),
+    "period_doubling": ("period doubling (PD)", style.ORANGE),
+    "fold": ("fold (LPC)", style.GREEN),
+}
+NO_TYPE = "fold"  # a fold is neither supercritical nor subcritical
+LINES: dict[str, Any] = {
+    "supercritical": "-", "subcritical": (0, (4.5, 1.8)), "unset": (0, (1.0, 1.1)), NO_TYPE: "-"
+}  # fmt: skip
+WIDTHS = {"supercritical": 1.7, "subcritical": 1.7, "unset": 1.3, NO_TYPE: 1.7}
+PALE, THIN = 0.38, 0.55  # alpha of curves of unstable cycles, and relative width of those of doubled cycles
+SPECIAL_NAMES = {
+    "fold_flip": "fold-flip",
+    "fold_neimark_sacker": "fold-NS",
+    "flip_neimark_sacker": "PD-NS",
+    "double_neimark_sacker": "NS-NS",
+    "generalised_flip": "GPD",
+    "chenciner": "CH",
+}
+INK = "#333333"
+
+
+@dataclass(frozen=True)
+class PlaneView:
+    """What a map shows: the groups of kind curve by name, and those that add to them.
+
+    ``x`` and ``y``: parameters of the axes; ``ranges``: their limits.
+    """
+
+    x: str
+    y: str
+    ranges: Mapping[str, tuple[float, float]]
+    tables: Mapping[str, Table]
+    curves: Sequence[BifurcationCurve]
+    others: Mapping[str, Table] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, tables: Mapping[str, Table], others: Mapping[str, Table]) -> PlaneView:
+        """The view of curves over the same two parameters; ``others``: criticals, bifurcation_set and
+        operating_range as far as the store has them.
+        """
+        attributes = next(iter(tables.values())).attributes
+        names, ranges = attributes["parameters"], attributes["ranges"]
+        x, y = sorted(names, key=HORIZONTAL_FIRST.index)
+        curves = [read_curve(name, table.arrays, table.attributes) for name, table in tables.items()]
+        limits = {
+            str(name): (float(low), float(high)) for name, (low, high) in zip(names, ranges, strict=True)
+        }
+        return cls(x, y, limits, tables, [curve for curve in curves if curve is not None], others)
+
+    def order(self, curve: BifurcationCurve) -> list[int]:
+        """Columns of x and y among the parameters of a curve."""
+        return [curve.parameters.index(self.x), curve.parameters.index(self.y)]
+
+
+def same_plane(table: Table) -> frozenset[str]:
+    """The two parameters of a curve, in any order."""
+    return frozenset(str(name) for name in table.attributes["parameters"])
+
+
+@style.in_style
+def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False) -> Figure:
+    """Curves of bifurcations solid where supercritical, dashed where subcritical, dotted where not known.
+
+    Pale: the cycle is unstable on both sides. Thin: of cycles of two and more excitation periods.
+    ``scan_lines``: the branches that searched the plane as a light grid.
+    """
+    figure = style.new_figure(6.9)
+    axes = figure.subplots()
+    axes.grid(False)
+    axes.set(xlim=view.ranges[view.x], ylim=view.ranges[view.y])
+    axes.set(xlabel=PARAMETER_AXES[view.x].label, ylabel=PARAMETER_AXES[view.y].label)
+    handles = [handle for layer in LAYERS for handle in layer(axes, view)]
+    if scan_lines:
+        _draw_scan_lines(axes, view)
+    top = _draw_resonances(axes, view, handles)
+    _add_second_axes(axes, top, view, case)
+    style.legend_below(figure, handles, 4)
+    style.finish(figure, f"{case.name}: bifurcation set{_constants(view)}{_progress(view)}", case.note)
+    labels = [Label(_special_name(kind), x, y) for kind, x, y, _ in special_points(view)]
+    place_labels(axes, figure.canvas.get_renderer(), labels, _drawn_points(view), LABEL_SIZE)  # type: ignore[attr-defined]
+    return figure
+
+
+def _drawn_points(view: PlaneView) -> NDArray[np.float64]:
+    """Samples (n, 2) of all lines that labels keep away from."""
+    found = [points for curve in view.curves for _, points in parts_of(curve, view)]
+    if (passive := _passive_speed(view)) is not None:
+        along = np.linspace(*view.ranges[view.x], 400)
+        found.append(np.column_stack([along, np.full_like(along, passive)]))
+    return np.concatenate(found) if found else np.zeros((0, 2))
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a part of a curve is drawn."""
+
+    bifurcation: str
+    criticality: str
+    unstable: bool
+    doubled: bool
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Line options of matplotlib."""
+        return {
+            "color": KINDS[self.bifurcation][1],
+            "linestyle": LINES[self.criticality],
+            "linewidth": WIDTHS[self.criticality] * (THIN if self.doubled else 1.0),
+            "alpha": PALE if self.unstable else 1.0,
+            "zorder": 2.5 if self.unstable or self.doubled else 3.0,
+            "dash_capstyle": "butt",
+        }
+
+
+def parts_of(curve: BifurcationCurve, view: PlaneView) -> Iterator[tuple[Look, NDArray[np.float64]]]:
+    """Parts of equal look with samples (n, 2) of x and y along the cubics."""
+    ends, order = curve.stretches(), view.order(curve)
+    middles = 0.5 * (ends[1:] + ends[:-1])
+    looks = [
+        Look(
+            curve.bifurcation,
+            NO_TYPE if curve.bifurcation == "fold" else curve.criticality_at(float(middle)),
+            curve.unstable_at(float(middle)) > 0,
+            curve.turns > 1,
+        )
+        for middle in middles
+    ]
+    start = 0
+    for stop in range(1, len(looks) + 1):
+        if stop == len(looks) or looks[stop] != looks[start]:
+            along = [
+                np.linspace(low, high, SAMPLES, endpoint=False)
+                for low, high in zip(ends[start:stop], ends[start + 1 : stop + 1], strict=True)
+            ]
+            yield looks[start], curve.at(np.concatenate([*along, ends[stop : stop + 1]]))[:, order]
+            start = stop
+
+
+def _draw_stable_range(axes: Axes, view: PlaneView) -> list[Patch]:
+    """The speeds from the lowest one up to the first bifurcation."""
+    table = view.others.get("operating_range")
+    if table is None or view.y != "speed" or table.attributes.get("parameter") != view.x:
+        return []
+    abscissa, speed = (np.asarray(table[name], dtype=float) for name in ("abscissa", "speed"))
+    lowest = float(table.attributes["lowest_speed"])
+    stable = table["base"] != "unstable"
+    axes.fill_between(abscissa, lowest, speed, where=stable, color=style.PALE_SKY, linewidth=0.0, zorder=0.3)
+    return [Patch(facecolor=style.PALE_SKY, edgecolor="#B9D3E6", linewidth=0.6, label="free of bifurcations")]
+
+
+def _passive_speed(view: PlaneView) -> float | None:
+    """The instability speed of the machine with undeformed rings; None where not known or not on an axis."""
+    table = view.others.get("bifurcation_set")
+    value = None if table is None else table.attributes.get("passive_instability_speed")
+    return None if value is None or view.y != "speed" else float(value)
+
+
+def _draw_passive(axes: Axes, view: PlaneView) -> list[Line2D]:
+    value = _passive_speed(view)
+    if value is None:
+        return []
+    line = axes.axhline(value, color=INK, linewidth=0.9, linestyle=(0, (7, 2, 1.2, 2)), zorder=1.5)
+    line.set_label(rf"instability at $\bar{{\delta}}=0$: {value:.4g}")
+    return [line]
+
+
+def _draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
+    looks: list[Look] = []
+    for curve in view.curves:
+        for look, points in parts_of(curve, view):
+            axes.plot(points[:, 0], points[:, 1], **look.options)
+            looks.append(look)
+    kinds = {look.bifurcation for look in looks}
+    handles = [
+        Line2D([], [], color=colour, linewidth=1.7, label=label)
+        for kind, (label, colour) in KINDS.items()
+        if kind in kinds
+    ]
+    names = {"unset": "type not known"}
+    criticalities = {look.criticality for look in looks}
+    handles += [
+        Line2D([], [], color=INK, linestyle=line, linewidth=WIDTHS[name], label=names.get(name, name))
+        for name, line in LINES.items()
+        if name in criticalities and name != NO_TYPE
+    ]
+    if any(look.unstable for look in looks):
+        handles.append(Line2D([], [], color=INK, alpha=PALE, linewidth=1.7, label="of an unstable cycle"))
+    if any(look.doubled for look in looks):
+        handles.append(Line2D([], [], color=INK, linewidth=1.7 * THIN, label="of doubled cycles"))
+    return handles
+
+
+def _draw_loose_ends(axes: Axes, view: PlaneView) -> list[Line2D]:
+    """Open markers where a curve goes on but was not followed."""
+    look: dict[str, Any] = {
+        "marker": "s", "markersize": 4.5, "markerfacecolor": "white", "linestyle": "none", "zorder": 4
+    }  # fmt: skip
+    complete = {curve.name for curve in view.curves if curve.is_complete}
+    drawn = False
+    for name, table in view.tables.items():
+        if name in complete or not len(table[view.x]):
+            continue
+        colour = KINDS[str(table.attributes["bifurcation"])][1]
+        axes.plot(table[view.x][-1], table[view.y][-1], markeredgecolor=colour, markeredgewidth=1.1, **look)
+        drawn = True
+    handle = Line2D([], [], markeredgecolor=INK, markeredgewidth=1.1, label="curve not complete", **look)
+    return [handle] if drawn else []
+
+
+def special_points(view: PlaneView) -> list[tuple[str, float, float, bool]]:
+    """Kind, place and whether it was located, of every point of codimension two; met on two curves, once."""
+    found: list[tuple[str, float, float, bool]] = []
+    width, height = (float(np.ptp(view.ranges[name])) for name in (view.x, view.y))
+    for table in view.tables.values():
+        columns = [table.optional(name) for name in ("event_kind", f"event_{view.x}", f"event_{view.y}")]
+        located = np.isfinite(table.optional("event_residual"))
+        for kind, x, y, ok in zip(*columns, located, strict=True):
+            same = (
+                name == kind and abs(x - u) <= ALIKE * width and abs(y - v) <= ALIKE * height
+                for name, u, v, _ in found
+            )
+            if not any(same):
+                found.append((str(kind), float(x), float(y), bool(ok)))
+    return found
+
+
+def _draw_special_points(axes: Axes, view: PlaneView) -> list[Line2D]:
+    look: dict[str, Any] = {"marker": "o", "markersize": 3.4, "linestyle": "none", "zorder": 5}
+    found = special_points(view)
+    for _, x, y, located in found:
+        axes.plot(x, y, markerfacecolor=INK if located else "white", markeredgecolor=INK, **look)
+    handle = Line2D([], [], color=INK, label="point of codimension two", **look)
+    return [handle] if found else []
+
+
+def _special_name(kind: str) -> str:
+    return SPECIAL_NAMES.get(kind, kind)
+
+
+def _draw_scan_lines(axes: Axes, view: PlaneView) -> None:
+    table = view.others.get("bifurcation_set")
+    if table is None:
+        return
+    names = ("line_parameter", "line_fixed", "line_low", "line_high")
+    look: dict[str, Any] = {"color": "#E2E2E2", "linewidth": 0.6, "zorder": 0.4}
+    for parameter, fixed, low, high in zip(*(table[name] for name in names), strict=True):
+        ends, still = [low, high], [fixed, fixed]
+        axes.plot(*((ends, still) if parameter == view.x else (still, ends)), **look)
+
+
+Layer = Callable[[Axes, PlaneView], Sequence[Any]]
+# What is drawn over the plane, each giving its entries of the legend; a group that adds to the map adds its
+# layer here and its name to drawing.BESIDE.
+LAYERS: tuple[Layer, ...] = (
+    _draw_curves,
+    _draw_special_points,
+    _draw_loose_ends,
+    _draw_stable_range,
+    _draw_passive,
+)
+
+
+def _draw_resonances(axes: Axes, view: PlaneView, handles: list[Any]) -> Axes:
+    """Predicted resonances, whose entries are added to those of the legend; gives the axes on top."""
+    criticals = view.others.get("criticals")
+    if criticals is None or view.x != "excitation_frequency":
+        return axes
+    strip = draw_resonances(axes, criticals)
+    moving = draw_frequencies(axes, criticals) if view.y == "speed" else []
+    handles += resonance_handles(strip is not None, bool(moving))
+    return axes if strip is None else strip
+
+
+def _add_second_axes(axes: Axes, top: Axes, view: PlaneView, case: CaseView) -> None:
+    horizontal, vertical = PARAMETER_AXES[view.x], PARAMETER_AXES[view.y]
+    add_top(top, float(getattr(case.scales, horizontal.scale)), horizontal.dimensional_label)
+    add_right(axes, float(getattr(case.scales, vertical.scale)), vertical.dimensional_label)
+
+
+def _constants(view: PlaneView) -> str:
+    """The parameters that do not vary over the plane."""
+    table = next((table for table in view.tables.values() if len(table[view.x])), None)
+    if table is None:
+        return ""
+    fixed = [name for name in ("displacement", "foil_stiffness") if name not in (view.x, view.y)]
+    known = [
+        f"{PARAMETER_AXES[name].symbol} = {float(table[name][0]):.4g}" for name in fixed if name in table
+    ]
+    return " at " + ", ".join(known) if known else ""
+
+
+def _progress(view: PlaneView) -> str:
+    running = any(table.attributes.get("status") == "running" for table in view.tables.values())
+    return " (running)" if running else ""
