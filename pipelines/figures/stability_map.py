@@ -18,6 +18,7 @@ from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, add_right, add_top
 from pipelines.figures.contents import CaseView, Table
 from pipelines.figures.placement import Label, place_labels
+from pipelines.figures.refinement import draw_refinement
 from pipelines.figures.resonance_lines import draw_frequencies, draw_resonances, resonance_handles
 
 HORIZONTAL_FIRST = ("excitation_frequency", "displacement", "foil_stiffness", "speed")
@@ -277,6 +278,14 @@ def _draw_scan_lines(axes: Axes, view: PlaneView) -> None:
 
 
 Layer = Callable[[Axes, PlaneView], Sequence[Any]]
+
+
+def _draw_errors(axes: Axes, view: PlaneView) -> list[Line2D]:
+    """What finer grids told of the error of some points."""
+    table = view.others.get("refinement")
+    return [] if table is None else draw_refinement(axes, table, view.x, view.y)
+
+
 # What is drawn over the plane, each giving its entries of the legend; a group that adds to the map adds its
 # layer here and its name to drawing.BESIDE.
 LAYERS: tuple[Layer, ...] = (
@@ -285,6 +294,7 @@ LAYERS: tuple[Layer, ...] = (
     _draw_loose_ends,
     _draw_stable_range,
     _draw_passive,
+    _draw_errors,
 )
 
 

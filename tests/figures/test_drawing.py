@@ -58,7 +58,7 @@ def test_all_figures_with_the_same_bytes_in_another_process(synthetic, tmp_path)
     assert all(path.parent == output / "kb10" for path in written)
     assert not list(output.rglob("*.partial"))
     again = digests(finished(elsewhere))
-    assert len(again) == 4
+    assert {name.split(".")[0].split("-")[0] for name in again} == {"machine", "campbell", "orbits", "film"}
     assert again.items() <= digests(written).items()
 
 

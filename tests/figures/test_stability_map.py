@@ -1,0 +1,68 @@
+"""The map of all curves and the tree of doubled branches: what is drawn, and how."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipelines.datasets.reading import read_group
+from pipelines.figures.contents import Table
+from pipelines.figures.drawing import draw_figures
+from pipelines.figures.stability_map import PlaneView, parts_of, special_points
+from tests.figures import synthetic_store
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    return synthetic_store.make_store(tmp_path_factory.mktemp("map") / "store", 40)
+
+
+def view_of(store, *names):
+    tables = {}
+    for name in names:
+        group = read_group(store, f"cases/kb10/{name}")
+        tables[name] = Table(group.labelled(), group.attributes)
+    return PlaneView.of(tables, {})
+
+
+def test_parts_change_their_look_where_the_type_changes(store):
+    """At the Chenciner points in the middle of a step, not at the next row."""
+    view = view_of(store, "ns/c000")
+    (curve,) = view.curves
+    parts = [(look, points) for look, points in parts_of(curve, view) if look.criticality != "unset"]
+    assert [look.criticality for look, _ in parts] == ["supercritical", "subcritical"]
+    assert all(look.bifurcation == "neimark_sacker" and not look.doubled for look, _ in parts)
+    first, second = (points[:, 0] for _, points in parts)
+    assert first.max() == pytest.approx(1.52, abs=1e-3)
+    assert second.min() == pytest.approx(1.52, abs=1e-3)
+    # solid and dashed
+    assert len({str(look.options["linestyle"]) for look, _ in parts}) == 2
+
+
+def test_samples_follow_the_cubics_between_the_rows(store):
+    """The synthetic threshold is known in closed form: the drawn line is nearer than the rows' chords."""
+    view = view_of(store, "ns/c000")
+    (curve,) = view.curves
+    points = np.concatenate([part for _, part in parts_of(curve, view)])
+    f = points[:, 0]
+    rise = 0.17 * np.exp(-(((f - 0.72) / 0.16) ** 2)) - 0.13 * np.exp(-(((f - 0.4) / 0.1) ** 2))
+    exact = 1.03 + rise + 0.03 * np.sin(4 * f)
+    chords = np.interp(f, curve.points[:, 0], curve.points[:, 1])
+    assert np.max(np.abs(points[:, 1] - exact)) < 0.1 * np.max(np.abs(chords - exact))
+
+
+def test_a_special_point_on_two_curves_is_marked_once(store):
+    names = ("ns/c000", "ns/c001", "pd/c000")
+    found = special_points(view_of(store, *names))
+    alone = sum(len(special_points(view_of(store, name))) for name in names)
+    kinds = [kind for kind, *_ in found]
+    assert kinds.count("flip_neimark_sacker") == 1, "on the threshold and on the wall of the tongue"
+    assert len(found) == alone - 1
+
+
+def test_curves_alone_make_a_map_and_lines_of_the_search_make_no_figure(store, tmp_path):
+    written = draw_figures(store, tmp_path, kinds=("stability", "tree"))
+    assert [path.name for path in written][-1] == "stability-map.png"
+    assert any(path.name.startswith("tree") for path in written)
+    every = draw_figures(store, tmp_path, kinds=("multipliers", "orbits", "film", "bifurcation"))
+    assert not any("-s0" in path.name for path in every)
