@@ -1,0 +1,55 @@
+"""`agfb report`: what it prints, what it writes, what it says when there is nothing to tell."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from agfb_cli.errors import ExitCode
+from agfb_cli.main import app
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.store import open_for_reading
+from tests.figures.synthetic_store import make_store
+
+
+def report(*words: str) -> Result:
+    return CliRunner().invoke(app, ["report", *words], prog_name="agfb")
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    make_store(tmp_path / "a.zarr", 5)
+    return tmp_path / "a.zarr"
+
+
+def test_a_table_a_conclusion_and_data(store: Path) -> None:
+    done = report(str(store))
+    assert done.exit_code == ExitCode.DONE
+    assert "kb10: bifurcation-free from speed 0.2500" in done.stdout
+    assert "Neimark-Sacker, supercritical" in done.stdout
+    assert "best: excitation frequency" in done.stdout
+    assert "against displacement 0 (unstable from 1.0500" in done.stdout
+    assert "against excitation frequency 0.2" in done.stdout
+    assert "caution" in done.stderr, "one of its curves stopped before its end"
+    written = read_group(open_for_reading(store), "cases/kb10/operating_range")
+    assert written["speed"].max() == written.attributes["best"]["speed"]
+
+
+def test_the_same_as_json(store: Path) -> None:
+    document = json.loads(report(str(store), "--json").stdout)
+    case = document["cases"]["kb10"]
+    assert document["written"] is True
+    assert case["best"]["speed"] > case["passive_instability_speed"]
+    assert case["passive_gain"] == pytest.approx(case["best"]["speed"] / 1.05 - 1.0)
+    assert {row["bifurcation"] for row in case["boundary"]} >= {"neimark_sacker"}
+
+
+def test_a_store_without_curves_says_what_to_run(tmp_path: Path) -> None:
+    make_store(tmp_path / "a.zarr", 3, parts=("machine", "cycles"))
+    done = report(str(tmp_path / "a.zarr"))
+    assert done.exit_code == ExitCode.USAGE
+    assert "no bifurcation set" in done.stderr
+    assert "agfb run" in done.stderr
