@@ -13,7 +13,7 @@ from pipelines.bifurcations.critical import Frame
 from pipelines.bifurcations.detection import DetectionOptions, EventKind, Resonance, strong_resonance
 from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions
 from pipelines.bifurcations.plane import Position
-from pipelines.bifurcations.walking import PlainState
+from pipelines.bifurcations.walking import PlainState, refuse_misfits
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle
 from pipelines.orbits.system import Matrix, Vector
@@ -82,22 +82,9 @@ class CurveOptions:
     normal_form: NormalFormOptions | None = field(default_factory=NormalFormOptions)
 
     def __post_init__(self) -> None:
-        for interval in self.ranges:
-            if not interval[0] < interval[1]:
-                raise ValueError(f"a range is {interval}; its first value must be below its second")
-        if self.direction not in (-1, 1):
-            raise ValueError(f"direction is {self.direction}; it must be 1 (up) or -1 (down)")
-        if not 0.0 < self.minimum_step <= self.step <= self.maximum_step:
-            raise ValueError(
-                f"minimum_step {self.minimum_step}, step {self.step}, maximum_step {self.maximum_step}; "
-                "they must be positive and in this order"
-            )
-        if self.max_points < 1 or self.target_iterations < 1:
-            raise ValueError("max_points and target_iterations must be at least 1")
-        if not -1.0 <= self.minimum_cosine < 1.0:
-            raise ValueError(f"minimum_cosine is {self.minimum_cosine}; it must lie in [-1, 1)")
-        if not (min(self.parameter_scales) > 0.0 and self.event_tolerance > 0.0):
-            raise ValueError("parameter_scales and event_tolerance must be positive")
+        refuse_misfits(self, self.ranges, self.parameter_scales)
+        if not self.event_tolerance > 0.0:
+            raise ValueError(f"event_tolerance is {self.event_tolerance}; it must be positive")
 
 
 @dataclass(frozen=True)

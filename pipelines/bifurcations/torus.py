@@ -11,7 +11,7 @@ from pipelines.bifurcations.invariant_curve import Torus
 from pipelines.bifurcations.slow_bases import SlowBases
 from pipelines.bifurcations.torus_problem import TorusUnknowns
 from pipelines.bifurcations.torus_stability import TorusSpectrum
-from pipelines.bifurcations.walking import PlainState
+from pipelines.bifurcations.walking import PlainState, refuse_misfits
 from pipelines.orbits.system import Matrix
 
 
@@ -56,21 +56,7 @@ class TorusOptions:
     parameter_scale: float = 1.0
 
     def __post_init__(self) -> None:
-        if not self.range[0] < self.range[1]:
-            raise ValueError(f"range is {self.range}; its first value must be below its second")
-        if self.direction not in (-1, 1):
-            raise ValueError(f"direction is {self.direction}; it must be 1 (up) or -1 (down)")
-        if not 0.0 < self.minimum_step <= self.step <= self.maximum_step:
-            raise ValueError(
-                f"minimum_step {self.minimum_step}, step {self.step}, maximum_step {self.maximum_step}; "
-                "they must be positive and in this order"
-            )
-        if self.max_points < 1 or self.target_iterations < 1:
-            raise ValueError("max_points and target_iterations must be at least 1")
-        if not -1.0 <= self.minimum_cosine < 1.0:
-            raise ValueError(f"minimum_cosine is {self.minimum_cosine}; it must lie in [-1, 1)")
-        if not self.parameter_scale > 0.0:
-            raise ValueError(f"parameter_scale is {self.parameter_scale}; it must be positive")
+        refuse_misfits(self, (self.range,), (self.parameter_scale,))
 
 
 @dataclass(frozen=True)

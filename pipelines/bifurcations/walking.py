@@ -17,6 +17,30 @@ _CLOSED = 0.05  # distance of the first point from the interpolated branch, in u
 _SAME = 0.01  # distance within which two points are one, in units of the step: far above corrector errors
 
 
+def refuse_misfits(walk: Any, ranges: tuple[tuple[float, float], ...], scales: tuple[float, ...]) -> None:
+    """Raise ValueError for ranges, parameter scales or options out of order.
+
+    ``walk``: the options, with ``direction``, ``step``, ``minimum_step``, ``maximum_step``, ``max_points``,
+    ``target_iterations`` and ``minimum_cosine``.
+    """
+    for interval in ranges:
+        if not interval[0] < interval[1]:
+            raise ValueError(f"range is {interval}; its first value must be below its second")
+    if walk.direction not in (-1, 1):
+        raise ValueError(f"direction is {walk.direction}; it must be 1 (up) or -1 (down)")
+    if not 0.0 < walk.minimum_step <= walk.step <= walk.maximum_step:
+        raise ValueError(
+            f"minimum_step {walk.minimum_step}, step {walk.step}, maximum_step {walk.maximum_step}; "
+            "they must be positive and in this order"
+        )
+    if walk.max_points < 1 or walk.target_iterations < 1:
+        raise ValueError("max_points and target_iterations must be at least 1")
+    if not -1.0 <= walk.minimum_cosine < 1.0:
+        raise ValueError(f"minimum_cosine is {walk.minimum_cosine}; it must lie in [-1, 1)")
+    if not min(scales) > 0.0:
+        raise ValueError(f"parameter_scale is {min(scales)}; it must be positive")
+
+
 def hermite_weights(fraction: float, length: float) -> tuple[float, float, float, float]:
     """Weights of start, start tangent, end and end tangent in the cubic at a fraction of a segment."""
     t = fraction

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import ValidationInfo, field_validator
 
-from pipelines.case.fields import InconsistentError, Number, Table, choice, quantity, table
+from pipelines.case.fields import InconsistentError, Number, Table, choice, quantity, steps_in_order, table
 
 Parameter = Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"]
 Interval = tuple[Number, Number]
@@ -89,15 +89,7 @@ class TrackCurves(Table):
             raise InconsistentError(*problems)
         return value
 
-    @field_validator("maximum_step")
-    @classmethod
-    def _steps(cls, value: float, info: ValidationInfo) -> float:
-        minimum, step = info.data.get("minimum_step", 0.0), info.data.get("step", value)
-        if not minimum <= step <= value:
-            raise InconsistentError(
-                f"minimum_step <= step <= maximum_step must hold, given {minimum:g}, {step:g}, {value:g}"
-            )
-        return value
+    _steps = field_validator("maximum_step")(steps_in_order)
 
 
 class BifurcationSet(Table):

@@ -191,3 +191,13 @@ def require_one(info: ValidationInfo, value: Any, keys: tuple[str, ...], what: s
         raise InconsistentError(
             f"give exactly one of {', '.join(keys)} for {what}; given: {', '.join(chosen) or 'none'}"
         )
+
+
+def steps_in_order(value: float, info: ValidationInfo) -> float:
+    """Validator of a `maximum_step` beside `minimum_step` and `step`."""
+    minimum, step = info.data.get("minimum_step", 0.0), info.data.get("step", value)
+    if not minimum <= step <= value:
+        raise InconsistentError(
+            f"minimum_step <= step <= maximum_step must hold, given {minimum:g}, {step:g}, {value:g}"
+        )
+    return value

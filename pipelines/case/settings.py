@@ -15,6 +15,7 @@ from pipelines.case.fields import (
     choice,
     quantity,
     require_one,
+    steps_in_order,
     table,
 )
 
@@ -302,12 +303,4 @@ class ContinueCycles(Table):
             raise InconsistentError(f"must lie inside range = [{low:g}, {high:g}]")
         return value
 
-    @field_validator("maximum_step")
-    @classmethod
-    def _steps(cls, value: float, info: ValidationInfo) -> float:
-        minimum, step = info.data.get("minimum_step", 0.0), info.data.get("step", value)
-        if not minimum <= step <= value:
-            raise InconsistentError(
-                f"minimum_step <= step <= maximum_step must hold, given {minimum:g}, {step:g}, {value:g}"
-            )
-        return value
+    _steps = field_validator("maximum_step")(steps_in_order)

@@ -219,6 +219,15 @@ class BranchWriter:
             self.n_points, self.n_events, row, slots, self.status, str(self._attributes["stop_reason"])
         )
 
+    def is_complete(self, wanting_points: str, max_points: int) -> bool:
+        """Whether it has ended for good: not for want of points (stop reason ``wanting_points``) when more
+        are allowed now.
+        """
+        if self.status != ENDED:
+            return False
+        reason = str(self._attributes["stop_reason"])
+        return reason != wanting_points or self.n_points >= max_points
+
     def close(self) -> None:
         """Give the right to write back."""
         self._lock.release()

@@ -12,7 +12,6 @@ from pipelines.bifurcations.detection import Event
 from pipelines.bifurcations.switching import doubled_branch, doubled_map
 from pipelines.case.models import Case
 from pipelines.datasets.branch import BranchWriter, open_branch
-from pipelines.datasets.records import ENDED
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.stages.cycle_problem import continuation_options, cycle_problem
 from pipelines.stages.cycle_rows import (
@@ -27,6 +26,7 @@ from pipelines.stages.cycle_start import FirstCycle, NoStart, Watch, first_cycle
 from pipelines.stages.job import Job, Origin
 
 NO_START = "no_start"
+WANTING_POINTS = BranchStop.MAXIMUM_POINTS.name.lower()
 NOT_ASKED = {"max_points", "doublings"}  # of the table: more of them may be asked for later
 DOUBLED_AMPLITUDES = (1.0, 0.25, 4.0)  # of the first doubled cycle, in units of continue_cycles.amplitude
 
@@ -88,20 +88,8 @@ def trace_branch(job: Job, request: BranchRequest) -> None:
     with open_branch(
         job.store, job.path(request.group), "cycles", sizes, static, request.attributes()
     ) as branch:
-        if not _is_complete(branch, request.case.continue_cycles.max_points):
+        if not branch.is_complete(WANTING_POINTS, request.case.continue_cycles.max_points):
             _follow(job, request, branch, problem)
-
-
-def _is_complete(branch: BranchWriter, max_points: int) -> bool:
-    """Whether an earlier run has ended the branch for good."""
-    if branch.status != ENDED:
-        return False
-    newest = branch.resume_row()
-    return (
-        newest is None
-        or newest.stop_reason != BranchStop.MAXIMUM_POINTS.name.lower()
-        or newest.n_points >= max_points
-    )
 
 
 def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: CycleProblem) -> None:

@@ -59,6 +59,7 @@ COMPLETE = frozenset(
         CurveStop.LIMIT,
     }
 )
+WANTING_POINTS = CurveStop.MAXIMUM_POINTS.name.lower()
 BOTH_WAYS = (1, -1)
 JOINS = {
     EventKind.PERIOD_DOUBLING: (EventKind.NEIMARK_SACKER,),
@@ -248,20 +249,8 @@ def trace_curve(job: Job, start: Start, group: str, half: int, direction: int) -
     sizes = curve_sizes(job.machine, job.case.case, start.problem)
     static = coordinates(job.case.case)
     with open_branch(job.store, job.path(group), "curve", sizes, static, attributes) as curve:
-        if not _is_complete(curve, table.max_points):
+        if not curve.is_complete(WANTING_POINTS, table.max_points):
             _follow(job, start, group, curve, direction)
-
-
-def _is_complete(curve: BranchWriter, max_points: int) -> bool:
-    """Whether an earlier run has ended the curve for good."""
-    if curve.status != ENDED:
-        return False
-    newest = curve.resume_row()
-    return (
-        newest is None
-        or newest.stop_reason != CurveStop.MAXIMUM_POINTS.name.lower()
-        or newest.n_points >= max_points
-    )
 
 
 def _follow(job: Job, start: Start, group: str, curve: BranchWriter, direction: int) -> None:

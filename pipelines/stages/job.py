@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.reading import list_groups, read_group
-from pipelines.datasets.records import ENDED, Group
+from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.stages.results import Progress, Report, ShouldStop
@@ -67,8 +67,3 @@ class Origin:
         """The origin among the attributes of a group; None when it has none."""
         stored = attributes.get("origin")
         return cls(str(stored["group"]), int(stored["event"])) if isinstance(stored, dict) else None
-
-
-def unfinished(groups: Iterator[Group]) -> bool:
-    """Whether any of the groups is not ended."""
-    return any(group.attributes["status"] != ENDED for group in groups)
