@@ -32,6 +32,7 @@ class CurveStop(Enum):
         "the bordered formulation"
     )
     LIMIT = "a limit set by the caller is reached"
+    TRACED = "another curve was traced here before: nothing more to compute"
     INTERRUPTED = "stopped on request after a complete point: start again to go on"
     START_FAILED = "the first point did not converge: start from a better located bifurcation"
 

@@ -8,7 +8,7 @@ tangent t at distance h when, with the test function g of ``pipelines.bifurcatio
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +36,7 @@ from pipelines.bifurcations.plane import (
     Position,
     metric_of,
 )
+from pipelines.bifurcations.traced import TracedCurve
 from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import reference_of
@@ -54,13 +55,15 @@ def continue_curve(
     record: CurveRecord,
     limit: CurveLimit | None = None,
     should_stop: Callable[[], bool] | None = None,
+    traced: Mapping[str, TracedCurve] | None = None,
 ) -> CurveResult:
     """Trace a bifurcation curve from a guess, or go on from a recorded state.
 
     ``record(point, state, specials)`` is called once per accepted point, with the special points between the
     previous point and this one; ``state`` is all that is needed to restart after it.  ``limit(point)``
     returns a sentence when the point must not be accepted, which ends the curve before it.  ``should_stop()``
-    is asked after each recorded point.  The last point lies exactly on the end of a range, on R1 or R2 of a
+    is asked after each recorded point.  The curve ends where it runs along one of the ``traced`` ones of the
+    same kind and period.  The last point lies exactly on the end of a range, on R1 or R2 of a
     Neimark-Sacker curve, or on the first point of a closed curve.  Raises ValueError when the start lies
     outside the ranges; every other failure is a CurveResult.
     """
@@ -89,6 +92,8 @@ def continue_curve(
             continue
         if limit is not None and (message := limit(step.end.point)) is not None:
             return CurveResult(CurveStop.LIMIT, state, message)
+        if (name := _along(step.end, traced or {}, options)) is not None:
+            return CurveResult(CurveStop.TRACED, state, f"it runs along {name}")
         state = _advance(problem, state, step, options)
         record(step.end.point, state, step.specials)
     return CurveResult(stop, state)
@@ -122,6 +127,17 @@ def _stop_reason(
         if (value >= high and slope > 0.0) or (value <= low and slope < 0.0):
             return CurveStop.RANGE
     return CurveStop.MAXIMUM_POINTS if state.index + 1 >= options.max_points else None
+
+
+def _along(end: CurveEnd, traced: Mapping[str, TracedCurve], options: CurveOptions) -> str | None:
+    """The name of the traced curve that an accepted point lies on."""
+    first, second = end.position.parameters
+    at = CurveStart(end.position.state, (float(first), float(second)), angle=end.point.angle)
+    tangent = end.tangent.parameters
+    for name, curve in traced.items():
+        if curve.runs_along(at, tangent, options.parameter_scales):
+            return name
+    return None
 
 
 def _attempt(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -124,9 +125,10 @@ def _facing_inwards(
     """The first point on R1 or R2 with the tangent towards abs(kappa) < 1, where its pair is complex.
 
     The slope of kappa is a difference of large numbers there, so a trial step decides; without one the slope.
+    The trial is short, because another curve may leave another resonance nearby.
     """
     row = metric.row(end.tangent)
-    guess = end.position.plus(end.tangent, options.step)
+    guess = end.position.plus(end.tangent, math.sqrt(options.step * options.minimum_step))
     closing = Closing(row, row.dot(guess), metric.row(end.normal), end.gradient, metric)
     cycle = end.point.cycle
     reference = reference_of(problem.cycle_problem(end.position), problem.unknowns(end.position), cycle.steps)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,9 @@ from pipelines.orbits.system import Matrix, Vector
 
 _PROJECTIONS = 4  # of the point onto the cubic; the chord's foot is already near
 _OVERHANG = 0.05  # part of a segment by which the foot may lie beyond its ends
+_ANGLE = 0.2  # rad, between the critical multipliers of the same curve
+_DISTANCE = 0.02  # from the curve, in lengths of its segment
+_PARALLEL = 0.98  # cosine between the tangents of the same curve
 _NOISE = 1e-6  # distance in the scaled parameters that different time steps may cause
 
 
@@ -47,8 +50,8 @@ class TracedCurve:
         self,
         start: CurveStart,
         scales: tuple[float, float] = (1.0, 1.0),
-        angle_tolerance: float = 0.2,
-        tolerance: float = 0.02,
+        angle_tolerance: float = _ANGLE,
+        tolerance: float = _DISTANCE,
     ) -> bool:
         """Whether a bifurcation point of the same kind lies on the curve.
 
@@ -56,13 +59,31 @@ class TracedCurve:
         the cubic through that segment's ends.  The state must be near too, and so must the angle, because
         two curves may cross in the parameters.
         """
-        target = np.array(start.parameters) / scales
+        return next(self._slopes_there(start, scales, angle_tolerance, tolerance), None) is not None
+
+    def runs_along(
+        self, point: CurveStart, tangent: Vector, scales: tuple[float, float] = (1.0, 1.0)
+    ) -> bool:
+        """Whether another curve of the same kind, at this point with the ``tangent`` d parameters /
+        d arclength, is this one: two curves that cross share the point, but not the tangent.
+        """
+        other = tangent / np.array(scales)
         return any(
-            self._on_segment(first, start, target, np.array(scales), angle_tolerance, tolerance)
-            for first in range(len(self.arclength) - 1)
+            abs(float(slope @ other)) > _PARALLEL * float(np.linalg.norm(slope) * np.linalg.norm(other))
+            for slope in self._slopes_there(point, scales, _ANGLE, _DISTANCE)
         )
 
-    def _on_segment(
+    def _slopes_there(
+        self, start: CurveStart, scales: tuple[float, float], angle_tolerance: float, tolerance: float
+    ) -> Iterator[Vector]:
+        """Scaled slopes of the segments on which a point lies."""
+        target = np.array(start.parameters) / scales
+        for first in range(len(self.arclength) - 1):
+            slope = self._slope_at(first, start, target, np.array(scales), angle_tolerance, tolerance)
+            if slope is not None:
+                yield slope
+
+    def _slope_at(
         self,
         first: int,
         start: CurveStart,
@@ -70,14 +91,14 @@ class TracedCurve:
         scales: Vector,
         angle_tolerance: float,
         tolerance: float,
-    ) -> bool:
+    ) -> Vector | None:
         ends, slopes = (part[first : first + 2] / scales for part in (self.parameters, self.tangents))
         length = float(self.arclength[first + 1] - self.arclength[first])
         chord = ends[1] - ends[0]
         extent = float(np.linalg.norm(chord))
         near = extent + length * float(np.abs(slopes).max())
         if length <= 0.0 or float(np.linalg.norm(target - ends[0])) > 2.0 * near + _NOISE:
-            return False
+            return None
         along = 0.5 if extent == 0.0 else float((target - ends[0]) @ chord) / extent**2
         for _ in range(_PROJECTIONS):
             there, slope = _cubic(ends, slopes, length, along)
@@ -85,9 +106,12 @@ class TracedCurve:
             along += 0.0 if squared == 0.0 else float((target - there) @ slope) / squared
             along = min(1.0 + 2.0 * _OVERHANG, max(-2.0 * _OVERHANG, along))
         if not -_OVERHANG <= along <= 1.0 + _OVERHANG:
-            return False
-        off = float(np.linalg.norm(target - _cubic(ends, slopes, length, along)[0]))
-        return off <= tolerance * near + _NOISE and self._same_cycle(first, along, start, angle_tolerance)
+            return None
+        there, slope = _cubic(ends, slopes, length, along)
+        off = float(np.linalg.norm(target - there))
+        if off > tolerance * near + _NOISE or not self._same_cycle(first, along, start, angle_tolerance):
+            return None
+        return slope
 
     def _same_cycle(self, first: int, along: float, start: CurveStart, angle_tolerance: float) -> bool:
         old, new = self.states[first], self.states[first + 1]

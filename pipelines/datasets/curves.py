@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
 FINISHED = frozenset(
-    {"closed", "range", "resonance_1", "resonance_2"}
+    {"closed", "range", "resonance_1", "resonance_2", "traced"}
 )  # reasons after which nothing is missing
 UNKNOWN = "unset"
 _AT_A_ROW = 1e-12  # of the extent of the curve

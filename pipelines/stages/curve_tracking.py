@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipelines.bifurcations.codimension_two import resonant_end
 from pipelines.bifurcations.curve import (
     CurveOptions,
     CurvePoint,
@@ -27,6 +28,7 @@ from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import curve_from_event, joined_curve
+from pipelines.bifurcations.traced import TracedCurve
 from pipelines.case.models import PARAMETERS
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
@@ -57,6 +59,7 @@ COMPLETE = frozenset(
         CurveStop.RESONANCE_2,
         CurveStop.MAXIMUM_POINTS,
         CurveStop.LIMIT,
+        CurveStop.TRACED,
     }
 )
 WANTING_POINTS = CurveStop.MAXIMUM_POINTS.name.lower()
@@ -227,10 +230,13 @@ def _is_whole(job: Job, kind: EventKind, start: Start, group: str) -> bool:
     """Whether nothing is left to trace in the other direction: the curve is closed, could not be started, or
     is a Neimark-Sacker curve that leaves a resonance, where it ends.
     """
-    attributes = job.read(group, ()).attributes
-    closed = attributes["stop_reason"] == CurveStop.CLOSED.name.lower()
-    leaves_resonance = kind is EventKind.NEIMARK_SACKER and not start.origin.group.startswith("cycles/")
-    return closed or attributes["n_points"] == 0 or leaves_resonance
+    curve = job.read(group, ("angle",))
+    closed = curve.attributes["stop_reason"] == CurveStop.CLOSED.name.lower()
+    if closed or curve.n_points == 0:
+        return True
+    return (
+        kind is EventKind.NEIMARK_SACKER and resonant_end(kind, float(np.cos(curve["angle"][0]))) is not None
+    )
 
 
 def trace_curve(job: Job, start: Start, group: str, half: int, direction: int) -> None:
@@ -269,8 +275,22 @@ def _follow(job: Job, start: Start, group: str, curve: BranchWriter, direction: 
     else:
         job.tell(0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}")
     options = curve_options(job, direction)
-    result = continue_curve(problem, begin, options, recorder.record, recorder.limit, job.should_stop)
+    known = _traced_before(job, start, group)
+    result = continue_curve(problem, begin, options, recorder.record, recorder.limit, job.should_stop, known)
     _end(curve, result)
+
+
+def _traced_before(job: Job, start: Start, group: str) -> dict[str, TracedCurve]:
+    """The curves of the same kind and period traced before this one, other than its own other half."""
+    curves = _curves(job, start.problem.kind)
+    return {
+        name: traced(curve, start.problem.names)
+        for name, curve in curves.items()
+        if name < group
+        and curve.n_points > 1
+        and curve.attributes["turns"] == start.turns
+        and Origin.of(curve.attributes) != start.origin
+    }
 
 
 def curve_options(job: Job, direction: int) -> CurveOptions:

@@ -10,7 +10,8 @@ import pytest
 
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchStop, ContinuationOptions
-from pipelines.bifurcations.curve import CurveOptions
+from pipelines.bifurcations.curve import CurveOptions, CurveStop
+from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.switching import (
     curve_from_event,
@@ -91,6 +92,29 @@ def test_curve_of_doubled_flips(henon_flip: tuple[CycleProblem, Event]) -> None:
     beside = (there.parameters[0] + 0.01, there.parameters[1])
     assert not curve.holds(replace(there, parameters=beside))
     assert not curve.holds(replace(there, state=there.state + 0.5))
+    tangent = middle.tangent_parameters
+    assert curve.runs_along(there, tangent)
+    assert curve.runs_along(there, -3.0 * tangent)
+    assert not curve.runs_along(there, np.array([tangent[1], -tangent[0]]))
+
+
+def test_curve_ends_where_another_was_traced(henon_flip: tuple[CycleProblem, Event]) -> None:
+    doubled = doubled_branch(*henon_flip, 0.05)
+    assert doubled is not None
+    _, events = branch(doubled.problem, doubled.start, ContinuationOptions((0.05, 1.0)))
+    curves, begin = curve_from_event(doubled.problem, events[0], ("a", "b"))
+    options = CurveOptions(((0.0, 3.0), (-0.5, 0.6)), maximum_step=0.1)
+    known = trace(curves, begin, options)
+    recorded: list[int] = []
+    result = continue_curve(
+        curves,
+        begin,
+        options,
+        lambda point, state, specials: recorded.append(state.index),
+        traced={"pd/c000": TracedCurve.of(known.states)},
+    )
+    assert (result.stop, result.message) == (CurveStop.TRACED, "it runs along pd/c000")
+    assert recorded == [0]
 
 
 @pytest.mark.parametrize("formulation", list(Formulation))
