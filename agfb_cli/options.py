@@ -36,6 +36,22 @@ Refine = Annotated[
         "--refine", help="Afterwards recompute located bifurcations on finer grids and estimate their errors."
     ),
 ]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers", metavar="N", min=1, max=1000, help="Processes that compute cases side by side."
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="WHERE",
+        help="sync: this process; local: --workers processes, by default one a core; tcp://HOST:PORT: the "
+        "workers of a Dask cluster, which see the store under the same path. Default: sync, or local with "
+        "--workers.",
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Errors and results only.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="More details on stderr.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Results on stdout as JSON.")]

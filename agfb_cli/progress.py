@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import shutil
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from agfb_cli.console import Console
@@ -16,55 +18,84 @@ SECONDS_BETWEEN_LINES = 5.0
 SECONDS_BETWEEN_FRAMES = 0.1
 
 
-class ProgressReporter:
-    """Shows every `Progress` it is given.
+@dataclass
+class _Track:
+    """One stage on one case: where its rate counts from, and what was told of it last."""
 
-    On a terminal one line is overwritten; elsewhere (a log, CI) a line is written every few seconds and at
-    the end of each case, so that a long run is alive but does not fill a disk.
+    started: float
+    first_done: int
+    shown: float = -math.inf
+    newest: Progress | None = None
+
+    def text(self, now: float) -> str:
+        assert self.newest is not None
+        return describe(self.newest, self.newest.done - self.first_done, now - self.started)
+
+
+class ProgressReporter:
+    """Shows every `Progress` it is given; reports of several cases may alternate.
+
+    On a terminal one line is overwritten; elsewhere (a log, CI) a line is written every few seconds for each
+    case and at its end, so that a long run is alive but does not fill a disk. With `tasks`, the number of
+    stages times cases, it also counts those that have ended.
     """
 
-    def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, console: Console, clock: Callable[[], float] = time.monotonic, tasks: int | None = None
+    ) -> None:
         self._console = console
         self._clock = clock
-        self._interval = SECONDS_BETWEEN_FRAMES if console.animated else SECONDS_BETWEEN_LINES
-        self._subject: tuple[str, str] | None = None
-        self._started = 0.0
-        self._first_done = 0
-        self._last_done = 0
-        self._shown = 0.0
+        self._tasks, self._ended = tasks, 0
+        self._tracks: dict[tuple[str, str], _Track] = {}
+        self._frame = -math.inf
 
     def __call__(self, progress: Progress) -> None:
         """Take one report; show it when it is time."""
         if self._console.quiet:
             return
-        now = self._clock()
-        if (progress.stage, progress.case_id) != self._subject or progress.done < self._last_done:
-            self._begin(progress, now)
-        self._last_done = progress.done
-        finished = progress.total is not None and progress.done >= progress.total
-        if finished or now - self._shown >= self._interval:
-            self._shown = now
-            self._show(progress, now)
-
-    def _begin(self, progress: Progress, now: float) -> None:
-        # A resumed branch starts at its last committed point: the rate counts only what is computed now, and
-        # of a stage with several branches the one that it is at.
-        self._subject = (progress.stage, progress.case_id)
-        self._started, self._first_done = now, progress.done
-        self._shown = -math.inf
-
-    def _show(self, progress: Progress, now: float) -> None:
-        text = describe(progress, progress.done - self._first_done, now - self._started)
+        now, subject = self._clock(), (progress.stage, progress.case_id)
+        track = self._tracks.get(subject)
+        if track is None or (track.newest is not None and progress.done < track.newest.done):
+            # A resumed branch starts at its last committed point: the rate counts only what is computed now,
+            # and of a stage with several branches the one that it is at.
+            track = self._tracks[subject] = _Track(now, progress.done)
+        track.newest = progress
         if self._console.animated:
-            self._console.transient(text)
+            self._show_frame(now)
         else:
-            self._console.message(text)
+            self._show_line(track, progress, now)
+
+    def _show_frame(self, now: float) -> None:
+        if now - self._frame < SECONDS_BETWEEN_FRAMES:
+            return
+        self._frame = now
+        line = self._count() + " | ".join(track.text(now) for track in self._tracks.values())
+        self._console.transient(line[: shutil.get_terminal_size().columns - 1])
+
+    def _show_line(self, track: _Track, progress: Progress, now: float) -> None:
+        finished = progress.total is not None and progress.done >= progress.total
+        if finished or now - track.shown >= SECONDS_BETWEEN_LINES:
+            track.shown = now
+            self._console.message(self._count() + track.text(now))
+
+    def _count(self) -> str:
+        return "" if self._tasks is None else f"[{self._ended}/{self._tasks}] "
+
+    def ended(self, stage: str, case_id: str) -> None:
+        """A stage has ended on a case: forget it, and clear the overwritten line for what follows."""
+        self._ended += 1
+        self._tracks.pop((stage.replace("_", "-"), case_id), None)
+        self._clear()
 
     def close(self) -> None:
         """Clear the overwritten line, so that what follows starts on a clean one."""
-        if self._subject is not None and self._console.animated:
+        self._tracks.clear()
+        self._clear()
+
+    def _clear(self) -> None:
+        if self._console.animated and self._frame > -math.inf:
             self._console.transient("")
-        self._subject = None
+        self._frame = -math.inf
 
 
 def describe(progress: Progress, newly_done: int, elapsed: float) -> str:

@@ -26,9 +26,12 @@ from agfb_cli.options import (
     Output,
     Quiet,
     Refine,
+    Scheduler,
     Traceback,
     Verbose,
+    Workers,
 )
+from agfb_cli.pool import PoolChoice, choose_pool
 from agfb_cli.progress import ProgressReporter
 
 if TYPE_CHECKING:
@@ -52,6 +55,7 @@ class Request:
     case_pattern: str | None = None
     dry_run: bool = False
     force: bool = False
+    pool: PoolChoice | None = None  # None: this process
 
 
 @dataclass
@@ -86,6 +90,8 @@ def stage_command(stages: Sequence[str], afterwards: Afterwards | None = None) -
         dry_run: DryRun = False,
         force: Force = False,
         refine: Refine = False,
+        workers: Workers = None,
+        scheduler: Scheduler = None,
         quiet: Quiet = False,
         verbose: Verbose = False,
         json: AsJson = False,
@@ -94,7 +100,8 @@ def stage_command(stages: Sequence[str], afterwards: Afterwards | None = None) -
         console = Console(quiet, verbose, json, traceback)
         with explained(console):
             store = output or default_store(config)
-            request = Request(config, store, tuple(assignments or ()), case, dry_run, force)
+            pool = choose_pool(workers, scheduler)
+            request = Request(config, store, tuple(assignments or ()), case, dry_run, force, pool)
             outcome = execute((*stages, "refine") if refine else stages, request, console)
             if not dry_run:
                 close(outcome, request, afterwards, console)
@@ -170,21 +177,28 @@ def compute(
     console: Console,
     interruption: Interruption,
 ) -> Outcome:
-    """Run the stages one after the other, each on all cases."""
-    from pipelines.stages.scheduling import run_cases, stage_function
+    """Run the stages on all cases: here one after the other, in a pool side by side."""
+    from pipelines.stages.scheduling import run_stages, stage_function
 
     outcome = Outcome()
-    reporter = ProgressReporter(console)
-    for stage in stages:
-        if interruption.requested():
-            break
-        with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
+    tasks = len(stages) * len(named_cases) if len(named_cases) > 1 else None
+    reporter = ProgressReporter(console, tasks=tasks)
+    with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
+        for stage in stages:  # also for the workers, which load what is compiled here
             stage_function(stage)
-        for result in run_cases(stage, named_cases, request.store, reporter, interruption.requested):
-            outcome.results.append((stage, result))
-            reporter.close()
-            if not interruption.requested():
-                announce(stage, result, console)
+    work = (stages, named_cases, request.store)
+    if request.pool is None:
+        arriving = run_stages(*work, reporter, interruption.requested)
+    else:
+        from pipelines.stages.campaign import Pool, run_campaign
+
+        pool = Pool(request.pool.workers, request.pool.address)
+        arriving = run_campaign(*work, pool, reporter, interruption.requested)
+    for stage, result in arriving:
+        outcome.results.append((stage, result))
+        reporter.ended(stage, result.case_id)
+        if not interruption.requested():
+            announce(stage, result, console)
     return outcome
 
 

@@ -34,7 +34,7 @@ class StageResult:
     a sentence that tells the user what to change. `summary` holds the few numbers worth a line on the
     terminal (plain scalars only; NaN is not allowed, None stands for a missing number). `failed_by` tells a
     case that cannot be computed from a store that cannot be read and from an error of this program, whose
-    `traceback` is kept; both are filled in by the scheduling.
+    `traceback` is kept, and from `seconds`, how long it took; all three are filled in by the scheduling.
     """
 
     case_id: str
@@ -44,6 +44,7 @@ class StageResult:
     summary: Mapping[str, Scalar] = field(default_factory=dict)
     failed_by: FailedBy = "case"
     traceback: str = ""
+    seconds: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
         """The result as plain dictionaries and scalars, fit for JSON and for another process."""

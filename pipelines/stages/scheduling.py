@@ -1,12 +1,13 @@
 """Running one stage over many cases: one task is one case, plain dictionaries in and out.
 
-A task is idempotent: run again, it goes on from the last row that its case committed. `run_cases` runs the
+A task is idempotent: run again, it goes on from the last row that its case committed. `run_stages` runs the
 tasks one after the other in this process; because nothing but dictionaries and strings enters or leaves
-`run_task`, the same tasks can be handed to any executor.
+`run_task`, `pipelines.stages.campaign` hands the same tasks to other processes.
 """
 
 from __future__ import annotations
 
+import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
@@ -39,18 +40,24 @@ class Stage(Protocol):
         """Compute one case into its groups of the store."""
 
 
-def run_cases(
-    stage: str, cases: Sequence[NamedCase], store_path: Path, report: Report, should_stop: ShouldStop
-) -> Iterator[StageResult]:
-    """Run `stage` (one of `STAGES`) on every case in order and yield each result as soon as it is known.
+def run_stages(
+    stages: Sequence[str],
+    cases: Sequence[NamedCase],
+    store_path: Path,
+    report: Report,
+    should_stop: ShouldStop,
+) -> Iterator[tuple[str, StageResult]]:
+    """Run each of `stages` (of `STAGES`) on every case in order; yield stage and result as soon as known.
 
     A case that raises yields a failed result and the next case is run; only what no case could survive (a
     full disk, no memory) is raised. When `should_stop` answers True no further case is started.
     """
-    for case in cases:
-        if should_stop():
-            return
-        yield StageResult.from_dict(run_task(task(stage, case, store_path), report, should_stop))
+    for stage in stages:
+        for case in cases:
+            if should_stop():
+                return
+            record = run_task(task(stage, case, store_path), report, should_stop)
+            yield stage, StageResult.from_dict(record)
 
 
 def task(stage: str, case: NamedCase, store_path: Path) -> dict[str, Any]:
@@ -60,7 +67,7 @@ def task(stage: str, case: NamedCase, store_path: Path) -> dict[str, Any]:
 
 def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -> dict[str, Any]:
     """Carry out one task and return `StageResult.as_dict`."""
-    case = NamedCase.from_dict(task["case"])
+    case, begin = NamedCase.from_dict(task["case"]), time.perf_counter()
     try:
         result = stage_function(task["stage"])(case, Path(task["store"]), report, should_stop)
     except (MemoryError, OSError):
@@ -71,7 +78,7 @@ def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -
         result = _failure(
             case, error, "bug", "this is a bug: please report it with the output of --traceback"
         )
-    return result.as_dict()
+    return result.as_dict() | {"seconds": time.perf_counter() - begin}
 
 
 def stage_function(stage: str) -> Stage:

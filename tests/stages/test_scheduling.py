@@ -51,8 +51,8 @@ def test_no_case_is_started_after_a_request_to_stop(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(scheduling, "stage_function", lambda name: stage)
     swept = cases("sweep.excitation.displacement=[0.05, 0.1, 0.2]")
-    results = list(scheduling.run_cases("linearize", swept, tmp_path, _ignore, lambda: len(started) == 2))
-    assert [result.case_id for result in results] == started == [named.case_id for named in swept[:2]]
+    results = list(scheduling.run_stages(("linearize",), swept, tmp_path, _ignore, lambda: len(started) == 2))
+    assert [result.case_id for _, result in results] == started == [named.case_id for named in swept[:2]]
 
 
 def test_an_unknown_stage_is_refused() -> None:

@@ -1,0 +1,176 @@
+"""Cases side by side: the same bytes as one after the other, whatever dies on the way."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from pipelines.datasets.integrity import verify
+from tests.helpers.poison import POISONED
+from tests.helpers.tiny import CONFIG, ROOT, TINY
+from tests.helpers.trees import compare_trees
+
+DISPLACEMENTS = (0.05, 0.1, 0.2)
+OVERRIDES = (
+    *TINY,
+    f"sweep.excitation.displacement={list(DISPLACEMENTS)}",
+    "continue_cycles.range=[1.05, 1.5]",
+    "continue_cycles.max_points=5",
+)
+CASES = [f"displacement={value:g}" for value in DISPLACEMENTS]
+COMMAND = [sys.executable, "-m", "agfb_cli", "continue", str(CONFIG), "-o", "run.zarr"]
+COMMAND += [word for override in OVERRIDES for word in ("--set", override)]
+
+
+def start(folder: Path, *words: str, **variables: str) -> subprocess.Popen[str]:
+    folder.mkdir(exist_ok=True)
+    environment = os.environ | {"PYTHONPATH": str(ROOT)} | variables
+    return subprocess.Popen(
+        [*COMMAND, *words],
+        cwd=folder,
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+def run(folder: Path, *words: str, **variables: str) -> tuple[int, str, str]:
+    process = start(folder, *words, **variables)
+    out, messages = process.communicate(timeout=300)
+    return process.returncode, out, messages
+
+
+def points(folder: Path) -> list[int]:
+    """Committed points of every case."""
+    found = []
+    for case in CASES:
+        metadata = folder / "run.zarr" / "cases" / case / "cycles/b000/zarr.json"
+        known = metadata.exists()
+        found.append(json.loads(metadata.read_text())["attributes"]["n_points"] if known else 0)
+    return found
+
+
+def wait_for(folder: Path, process: subprocess.Popen[str], count: int) -> None:
+    """Until so many points are committed in all."""
+    while sum(points(folder)) < count:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.01)
+
+
+def assert_same(first: Path, second: Path) -> None:
+    assert compare_trees(first / "run.zarr" / "cases", second / "run.zarr" / "cases") == []
+    assert verify(second / "run.zarr") == []
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("alone")
+    code, _, messages = run(folder)
+    assert code == 0, messages
+    return folder
+
+
+def test_two_processes_write_the_same_bytes(tmp_path: Path, alone: Path) -> None:
+    code, out, messages = run(tmp_path, "--workers", "2", "--json")
+    assert code == 0, messages
+    results = json.loads(out)["results"]
+    assert sorted(result["case_id"] for result in results) == sorted(CASES)
+    assert all(result["seconds"] > 0.0 for result in results)
+    assert_same(alone, tmp_path)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_stopped_campaign_goes_on(tmp_path: Path, alone: Path, number: int, code: int) -> None:
+    process = start(tmp_path, "--workers", "2")
+    wait_for(tmp_path, process, 2)
+    process.send_signal(number)
+    _, messages = process.communicate(timeout=120)
+    assert process.returncode == code, messages
+    assert "To go on" in messages
+    assert "Traceback" not in messages
+    assert sum(points(tmp_path)) < 5 * len(CASES), "it stopped before the end"
+    assert run(tmp_path, "--workers", "2")[0] == 0
+    assert_same(alone, tmp_path)
+
+
+def test_a_killed_driver_leaves_no_worker_and_a_store_that_goes_on(tmp_path: Path, alone: Path) -> None:
+    process = start(tmp_path, "--workers", "2")
+    wait_for(tmp_path, process, 2)
+    process.kill()
+    process.communicate(timeout=60)
+    code, _, messages = run_when_free(tmp_path)
+    assert code == 0, messages
+    assert_same(alone, tmp_path)
+
+
+def run_when_free(folder: Path) -> tuple[int, str, str]:
+    """The command again, as soon as the orphaned workers have noticed that their driver is gone."""
+    end = time.monotonic() + 60.0
+    while True:
+        found = run(folder, "--workers", "2")
+        if "is being written by" not in found[2] or time.monotonic() > end:
+            return found
+
+
+def test_a_case_that_kills_its_process_fails_alone(tmp_path: Path, alone: Path) -> None:
+    preload = str(ROOT / "tests/helpers/poison.py")
+    code, _, messages = run(tmp_path, "--workers", "2", DASK_DISTRIBUTED__WORKER__PRELOAD=preload)
+    assert code == 3, messages
+    assert f"continue-cycles {POISONED}: failed: the process that computed it died 3 times" in messages
+    assert points(tmp_path) == [5 if case != POISONED else 0 for case in CASES]
+    assert run(tmp_path, "--workers", "2")[0] == 0, "without the poison"
+    assert_same(alone, tmp_path)
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """The address of a scheduler on the loopback interface, and its two workers."""
+    with ExitStack() as stack:
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+
+        def process(name: str, *words: str) -> subprocess.Popen[bytes]:
+            log = stack.enter_context((tmp_path / "cluster.log").open("ab"))
+            command = [sys.executable, "-m", f"distributed.cli.{name}", *words]
+            started = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=log, stderr=log)
+            stack.callback(started.wait)
+            stack.callback(started.kill)
+            return started
+
+        file = tmp_path / "scheduler.json"
+        common = ("--scheduler-file", str(file), "--no-dashboard", "--host", "127.0.0.1")
+        process("dask_scheduler", *common, "--port", "0")
+        single = ("--nthreads", "1", "--no-nanny", "--local-directory", str(tmp_path))
+        workers = [process("dask_worker", *common, *single) for _ in range(2)]
+        while not file.exists():
+            time.sleep(0.05)
+        yield json.loads(file.read_text())["address"], workers
+
+
+def test_a_worker_of_a_cluster_is_killed(
+    tmp_path: Path, alone: Path, cluster: tuple[str, list[subprocess.Popen[bytes]]]
+) -> None:
+    address, workers = cluster
+    process = start(tmp_path / "driver", "--scheduler", address)
+    wait_for(tmp_path / "driver", process, random.Random(3).randint(2, 4))
+    workers[0].kill()
+    _, messages = process.communicate(timeout=300)
+    assert process.returncode == 0, messages
+    assert_same(alone, tmp_path / "driver")
+
+
+def test_no_cluster_at_the_address(tmp_path: Path) -> None:
+    code, _, messages = run(tmp_path, "--scheduler", "tcp://127.0.0.1:9")
+    assert code == 5
+    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in messages
+    assert "Traceback" not in messages
