@@ -71,7 +71,10 @@ def continue_curve(
     if isinstance(start, CurveState):
         state = start
     else:
-        opened = open_curve(problem, start, options, metric)
+        try:
+            opened = open_curve(problem, start, options, metric)
+        except np.linalg.LinAlgError:
+            opened = CurveResult(CurveStop.START_FAILED, None, "a matrix of the first point is singular")
         if isinstance(opened, CurveResult):
             return opened
         point, state = opened
