@@ -3,7 +3,8 @@
 One task is one stage of one case. The stages of a case form a chain, so that curves find the cycles that they
 start from; chains of different cases run side by side. A worker that dies costs nothing that was committed:
 its task is given to another one, which goes on behind the last row. A task that kills its worker every time
-fails its case alone.
+fails its case alone: Dask itself would suspect every task that waits on the same worker, so tasks are handed
+out here, one to a worker.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import queue
 import signal
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -18,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import dask
-from distributed import Client, Event, Future, LocalCluster, Worker, WorkerPlugin, get_worker
+from distributed import Client, Event, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin, get_worker
 
 from pipelines.case.reading import NamedCase
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
@@ -29,11 +31,12 @@ _STOP = "agfb-stop"
 _SECONDS_BETWEEN_REPORTS = 0.5
 _SECONDS_BETWEEN_QUESTIONS = 0.5  # whether to stop; each is a message to the scheduler
 _SECONDS_BETWEEN_LOOKS = 0.05
-_DEATHS = 2  # of workers with the same task, after which it is not tried again
+_DEATHS = 2  # of workers with the same task, after which it is tried once more
+_WITHOUT_WORKERS = 120  # s
 _CONNECTION_TIMEOUT = 15  # s
 
 SETTINGS = {
-    "distributed.scheduler.allowed-failures": _DEATHS,
+    "distributed.scheduler.allowed-failures": 0,
     "distributed.scheduler.work-stealing": False,  # tasks are long: moving them is no gain
     "distributed.worker.memory.terminate": False,
     "distributed.worker.memory.pause": False,
@@ -66,8 +69,8 @@ def run_campaign(
 ) -> Iterator[tuple[str, StageResult]]:
     """Run every stage on every case and yield stage and result as they arrive.
 
-    Each stage of a case waits for the one before. When `should_stop` answers True, running tasks end at their
-    next commit and no other is started. Raises ClusterError, and OSError and MemoryError as `run_cases` does.
+    Each stage of a case waits for the one before. When `should_stop` answers True, running tasks end at
+    their next commit and no other is started. Raises ClusterError, and OSError and MemoryError as `run_stages` does.
     """
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(SETTINGS))
@@ -76,10 +79,12 @@ def run_campaign(
         events: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         client.subscribe_topic(_TOPIC, lambda event: events.put(event[1]))
         stack.callback(client.unsubscribe_topic, _TOPIC)
-        campaign = _Campaign(client, Event(_STOP, client=client), _told(events, report), should_stop)
-        campaign.stop.clear()
-        campaign.submit(stages, cases, store_path.resolve())
-        yield from campaign.results()
+        stop = Event(_STOP, client=client)
+        stop.clear()
+        waiting = deque(_Chain(case, list(stages)) for case in cases)
+        yield from _Campaign(
+            client, stop, _told(events, report), should_stop, store_path.resolve(), waiting
+        ).results()
 
 
 def _client(pool: Pool, cases: int, stack: ExitStack) -> Client:
@@ -117,76 +122,120 @@ def _told(events: queue.SimpleQueue[dict[str, Any]], report: Report) -> Callable
     return tell
 
 
+@dataclass(frozen=True)
+class _Running:
+    """A task on its worker."""
+
+    future: Future[Any]
+    chain: _Chain
+
+
+@dataclass
+class _Chain:
+    """What is left to do for a case, in order, and how often workers died with the first of it."""
+
+    case: NamedCase
+    stages: list[str]
+    deaths: int = 0
+
+
 @dataclass
 class _Campaign:
-    """The tasks under way, in the order in which they were submitted."""
+    """One task at a time on every worker, so that it is known which one a worker died with."""
 
     client: Client
     stop: Event
     tell: Callable[[], None]
     should_stop: ShouldStop
-    pending: dict[Future[Any], tuple[str, str]] = field(default_factory=dict)
-    lost: dict[str, str] = field(default_factory=dict)  # case -> stage whose workers died
-
-    def submit(self, stages: Sequence[str], cases: Sequence[NamedCase], store_path: Path) -> None:
-        for case in cases:
-            before: Future[Any] | None = None
-            for stage in stages:
-                work = task(stage, case, store_path)
-                before = self.client.submit(_on_worker, work, before, pure=False)
-                self.pending[before] = (stage, case.case_id)
+    store_path: Path
+    waiting: deque[_Chain]
+    running: dict[str, _Running] = field(default_factory=dict)  # by the address of the worker
 
     def results(self) -> Iterator[tuple[str, StageResult]]:
-        stopping = False
-        while self.pending:
+        stopping, deserted = False, time.monotonic()
+        while self.running or (self.waiting and not stopping):
             self.tell()
             if not stopping and self.should_stop():
                 stopping = True
                 self.stop.set()
-            ended = [future for future in self.pending if future.done()]
-            for future in ended:
-                stage, case_id = self.pending.pop(future)
-                result = self._result(future, stage, case_id)
-                self.tell()
-                if result is not None:
-                    yield stage, result
-            if not ended:
-                time.sleep(_SECONDS_BETWEEN_LOOKS)
+            workers = set(self.client.nthreads())
+            for address in [each for each in self.running if self._has_ended(each, workers)]:
+                yield from self._end(self.running.pop(address))
+            if not stopping:
+                self._assign(workers - set(self.running))
+            if workers:
+                deserted = time.monotonic()
+            elif time.monotonic() - deserted > _WITHOUT_WORKERS:
+                raise ClusterError(f"the cluster has had no worker for {_WITHOUT_WORKERS} s")
+            time.sleep(_SECONDS_BETWEEN_LOOKS)
 
-    def _result(self, future: Future[Any], stage: str, case_id: str) -> StageResult | None:
-        """What became of a task; None when it was not started because of a request to stop."""
-        if future.status == "finished":
-            record = future.result()
-            return None if record is None else StageResult.from_dict(record)
-        if case_id in self.lost:
-            reason = f"not computed: {self.lost[case_id]} did not end"
-            return StageResult(case_id, False, reason, "run the command again to try once more")
-        self.lost[case_id] = stage
-        error = future.exception()
+    def _assign(self, free: set[str]) -> None:
+        for address in sorted(free):
+            if self.waiting:
+                chain = self.waiting.popleft()
+                work = task(chain.stages[0], chain.case, self.store_path)
+                future = self.client.submit(_on_worker, work, pure=False, workers=[address])
+                self.running[address] = _Running(future, chain)
+
+    def _has_ended(self, address: str, workers: set[str]) -> bool:
+        return self.running[address].future.done() or address not in workers
+
+    def _end(self, run: _Running) -> Iterator[tuple[str, StageResult]]:
+        """Results of a task that has ended, and of those that cannot follow it; what can waits again."""
+        self.tell()
+        chain, case_id = run.chain, run.chain.case.case_id
+        if run.future.status == "finished":
+            record = run.future.result()
+            if record is None:  # asked to stop before it had begun
+                return
+            yield chain.stages.pop(0), StageResult.from_dict(record)
+            chain.deaths = 0
+            if chain.stages:
+                self.waiting.appendleft(chain)
+            return
+        error = _error(run.future)
         if isinstance(error, OSError | MemoryError):
             raise error
-        if type(error).__name__ == "KilledWorker":
-            return StageResult(
-                case_id,
-                False,
-                f"the process that computed it died {_DEATHS + 1} times",
-                "everything committed is kept; with less memory per case (fewer workers, a coarser grid) run "
-                "the command again",
-            )
+        if error is None and chain.deaths < _DEATHS:
+            chain.deaths += 1
+            self.waiting.appendleft(chain)
+            return
+        yield chain.stages[0], _lost(case_id, error)
+        for stage in chain.stages[1:]:
+            reason = f"not computed: {chain.stages[0]} did not end"
+            yield stage, StageResult(case_id, False, reason, "run the command again to try once more")
+
+
+def _error(future: Future[Any]) -> BaseException | None:
+    """What a task raised; None when its worker died with it."""
+    if future.status != "error":
+        future.cancel()
+        return None
+    error = future.exception()
+    return None if isinstance(error, KilledWorker) else error
+
+
+def _lost(case_id: str, error: BaseException | None) -> StageResult:
+    if error is None:
         return StageResult(
             case_id,
             False,
-            f"its worker failed: {type(error).__name__}: {error}",
-            "every worker needs the same version of agfb and the store under the same path",
+            f"the process that computed it died {_DEATHS + 1} times",
+            "everything committed is kept; with more memory per case (fewer workers, a coarser grid) run the "
+            "command again",
         )
+    return StageResult(
+        case_id,
+        False,
+        f"its worker failed: {type(error).__name__}: {error}",
+        "every worker needs the same version of agfb and the store under the same path",
+    )
 
 
-def _on_worker(work: Mapping[str, Any], before: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """One task, in the process of a worker; ``before`` is there to be waited for."""
+def _on_worker(work: Mapping[str, Any]) -> dict[str, Any] | None:
+    """One task, in the process of a worker; None when it was asked to stop before it began."""
     should_stop = _Asked(Event(_STOP).is_set)
-    if should_stop():
-        return None
-    return run_task(work, _Sender(), should_stop)
+    return None if should_stop() else run_task(work, _Sender(), should_stop)
 
 
 class _Asked:

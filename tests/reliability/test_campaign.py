@@ -47,7 +47,7 @@ def start(folder: Path, *words: str, **variables: str) -> subprocess.Popen[str]:
 
 def run(folder: Path, *words: str, **variables: str) -> tuple[int, str, str]:
     process = start(folder, *words, **variables)
-    out, messages = process.communicate(timeout=300)
+    out, messages = process.communicate(timeout=150)
     return process.returncode, out, messages
 
 
@@ -164,7 +164,7 @@ def test_a_worker_of_a_cluster_is_killed(
     process = start(tmp_path / "driver", "--scheduler", address)
     wait_for(tmp_path / "driver", process, random.Random(3).randint(2, 4))
     workers[0].kill()
-    _, messages = process.communicate(timeout=300)
+    _, messages = process.communicate(timeout=150)
     assert process.returncode == 0, messages
     assert_same(alone, tmp_path / "driver")
 
