@@ -27,6 +27,7 @@ STAGES = (
     "bifurcation_set",
     "refine",
     "transient",
+    "continue_tori",
 )
 
 
