@@ -96,8 +96,8 @@ class ContinueTori(Table):
         "further digit is dearer than the one before",
     )
     max_angles: int = quantity(
-        f"most angles along an invariant curve, odd; they are raised from {FEWEST_ANGLES} as 2 M + 1 where the "
-        "tolerance asks for it",
+        f"most angles along an invariant curve, odd; they are raised from {FEWEST_ANGLES} as 2 M + 1 where "
+        "the tolerance asks for it",
         "",
         127,
         at_least=FEWEST_ANGLES,

@@ -24,16 +24,15 @@ from pipelines.stages.results import Report, ShouldStop, StageResult
 from pipelines.stages.torus_run import trace_tori
 from pipelines.stages.torus_sources import TorusSource, born_tori, unbalanced_tori
 
+LETTERS = {"neimark_sacker": "q", "unbalance": "u"}
 COMPLETE = frozenset(
     {TorusStop.RANGE, TorusStop.MAXIMUM_POINTS, TorusStop.LIMIT, TorusStop.COLLAPSED, TorusStop.ROUGH}
 )
 
 
 def continue_tori(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill the groups ``tori/q000``, ... of a case; resumes behind the last point.
-
-    From Neimark-Sacker points there is one branch for each of them that lies inside the range, with unbalance
-    one for each direction.
+    """Fill groups of a case: ``tori/q000``, ... from the Neimark-Sacker points inside the range, or
+    ``tori/u000`` and with both directions ``u001`` with unbalance; resumes behind the last point.
     """
     job = Job.of("continue-tori", case, store_path, report, should_stop)
     refusal = _refusal(job)
@@ -43,7 +42,8 @@ def continue_tori(case: NamedCase, store_path: Path, report: Report, should_stop
     for source in _sources(job):
         if should_stop():
             break
-        groups.append(f"tori/q{len(groups):03d}")
+        letter = LETTERS[case.case.continue_tori.origin]
+        groups.append(f"tori/{letter}{len(groups):03d}")
         trace_tori(job, groups[-1], source)
     return _result(job, groups)
 
