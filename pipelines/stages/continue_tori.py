@@ -102,7 +102,7 @@ def _result(job: Job, groups: list[str]) -> StageResult:
             "run `agfb continue-cycles` over a continue_cycles.range that contains one, or widen "
             "continue_tori.range"
         )
-        return StageResult(case_id, True, f"no tori to follow: {where}", advice)
+        return StageResult(case_id, False, f"no tori to follow: {where}", advice)
     branches = [job.read(group, (table.parameter, "unstable_count")) for group in groups]
     told: dict[str, Any] = {
         "branches": len(branches),
