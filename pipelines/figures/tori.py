@@ -50,20 +50,18 @@ def draw_tori(case: CaseView, parameter: str, tori: Sequence[Table], cycles: Seq
     along = np.concatenate([branch[parameter] for branch in tori])
     interval = limits(along, ROOM)
     for axes, axis, name in zip(panels, (1, 0), ("vertical", "horizontal"), strict=False):
-        drawn = [
-            curve
-            for branches, is_torus in ((cycles, False), (tori, True))
-            for branch in branches
+        shown = [
+            _draw(axes, branch, parameter, envelope(axis)(case, branch, bearing), look)
             for bearing in range(case.bearings)
-            for curve in [thread_events(branch, parameter, envelope(axis)(case, branch, bearing))]
-            if _draw(axes, branch, curve, style.bearing_look(bearing) if is_torus else CYCLE_LOOK)
+            for branches, look in ((cycles, CYCLE_LOOK), (tori, style.bearing_look(bearing)))
+            for branch in branches
         ]
-        axes.set_ylim(*limits(np.concatenate([_inside(curve, interval) for curve in drawn]), 0.08))
+        axes.set_ylim(*limits(np.concatenate([_inside(curve, interval) for curve in shown]), 0.08))
         axes.set_ylabel(rf"{name} $\bar{{{'xy'[axis]}}}_j$ [–]")
         add_right(axes, case.scales.micrometres, "[µm]")
     for branch in tori:
         turns = np.asarray(branch["rotation"], dtype=float)[:, None] / (2.0 * np.pi)
-        _draw(panels[2], branch, thread_events(branch, parameter, turns), ROTATION_LOOK)
+        _draw(panels[2], branch, parameter, turns, ROTATION_LOOK)
     panels[2].set_ylabel(r"rotation $\rho/2\pi$ [–]")
     panels[0].set_xlim(*interval)
     add_parameter_axis(panels[0], parameter, case.scales, bottom=False)
@@ -74,8 +72,11 @@ def draw_tori(case: CaseView, parameter: str, tori: Sequence[Table], cycles: Seq
     return style.finish(figure, title, case.note)
 
 
-def _draw(axes: Axes, branch: Table, curve: Curve, look: Mapping[str, Any]) -> bool:
-    """A branch with its bifurcations; stable stretches solid, others dashed.  Always True."""
+def _draw(
+    axes: Axes, branch: Table, parameter: str, values: NDArray[np.float64], look: Mapping[str, Any]
+) -> Curve:
+    """Values (point, k) of a branch with its bifurcations; stable stretches solid, others dashed."""
+    curve = thread_events(branch, parameter, values)
     for column in curve.values.T:
         for start, stop in runs(curve.stable):
             line = "-" if curve.stable[start] else UNSTABLE
@@ -84,7 +85,7 @@ def _draw(axes: Axes, branch: Table, curve: Curve, look: Mapping[str, Any]) -> b
             axes.plot(curve.parameter, column, marker="o", linestyle="none", **look)
         for row, mark in zip(curve.event_rows, event_looks(branch), strict=True):
             axes.plot(curve.parameter[row], column[row], zorder=5, **mark)
-    return True
+    return curve
 
 
 def _inside(curve: Curve, interval: tuple[float, float]) -> NDArray[np.float64]:

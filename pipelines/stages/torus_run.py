@@ -53,7 +53,8 @@ def _follow(job: Job, group: str, source: TorusSource, branch: BranchWriter) -> 
     table, newest = job.case.case.continue_tori, branch.resume_row()
     if newest is not None:
         problem = source.problem(int(newest.row["steps_per_period"]))
-        _end(branch, _run(job, group, branch, problem, resumed_state(newest, table.parameter), 1))
+        state = resumed_state(newest, table.parameter)
+        _end(branch, source, _run(job, group, branch, problem, state, 1))
         return
     job.tell(0, table.max_points, f"{group}: looking for the first torus")
     failure = NoStart("no torus was found", "")
@@ -65,7 +66,7 @@ def _follow(job: Job, group: str, source: TorusSource, branch: BranchWriter) -> 
             continue
         result = _run(job, group, branch, found.problem, found.start, found.direction)
         if result.stop is not TorusStop.START_FAILED:
-            _end(branch, result)
+            _end(branch, source, result)
             return
         failure = NoStart(f"the first torus did not converge: {result.message}", result.stop.advice)
     branch.finish(NO_START, f"{failure.reason}: {failure.advice}")
@@ -118,9 +119,12 @@ def _teller(job: Job, group: str) -> Callable[[TorusPoint, TorusState], None]:
     return told
 
 
-def _end(branch: BranchWriter, result: TorusResult) -> None:
+def _end(branch: BranchWriter, source: TorusSource, result: TorusResult) -> None:
     """Store why the branch ended; an interrupted one stays open."""
-    if result.stop is not TorusStop.INTERRUPTED:
-        # the limit is this stage's own, and its message says all
-        parts = [result.message, "" if result.stop is TorusStop.LIMIT else result.stop.advice]
-        branch.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))
+    if result.stop is TorusStop.INTERRUPTED:
+        return
+    # the limit is this stage's own, and its message says all
+    parts = [result.message, "" if result.stop is TorusStop.LIMIT else result.stop.advice]
+    if result.stop is TorusStop.ROUGH:
+        parts.append(f"that is, raise continue_tori.max_angles or tolerance, or {source.beyond}")
+    branch.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))

@@ -48,6 +48,10 @@ class FirstTorus:
 class TorusSource(Protocol):
     """Where a branch of tori begins."""
 
+    @property
+    def beyond(self) -> str:
+        """What starts a branch beyond a resonance that ended it."""
+
     def attributes(self) -> dict[str, Any]:
         """What the group says of the source."""
 
@@ -67,6 +71,10 @@ class BornTori:
     event: Event
     turns: int
     fourier: FourierOptions
+
+    @property
+    def beyond(self) -> str:
+        return "choose a larger continue_tori.amplitude"
 
     def attributes(self) -> dict[str, Any]:
         return {
@@ -102,6 +110,10 @@ class UnbalancedTori:
     masses: tuple[UnbalanceMass, ...]
     direction: int
     fourier: FourierOptions
+
+    @property
+    def beyond(self) -> str:
+        return "choose another continue_tori.start"
 
     def attributes(self) -> dict[str, Any]:
         return {
