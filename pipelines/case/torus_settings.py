@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 from pydantic import ValidationInfo, field_validator
 
-from pipelines.case.bearings import Excitation
+from pipelines.case.bearings import Bearing, Excitation
 from pipelines.case.curve_settings import Parameter
 from pipelines.case.fields import (
     InconsistentError,
@@ -139,9 +139,15 @@ class ContinueTori(Table):
 
 
 def torus_misfits(
-    stage: ContinueTori, excitation: Excitation, formulation: str, unbalance: Unbalance | None
+    stage: ContinueTori,
+    bearings: Sequence[Bearing],
+    excitation: Excitation,
+    formulation: str,
+    unbalance: Unbalance | None,
 ) -> Iterator[Misfit]:
     """What makes tori of this case impossible; ``formulation``: that of its cycles."""
+    if stage.parameter == "foil_stiffness" and any(bearing.foil.rigid for bearing in bearings):
+        yield ("parameter",), "a rigid bearing has no foil stiffness to continue"
     if stage.origin == "unbalance" and unbalance is None:
         yield ("origin",), "needs the table [unbalance], which says where the rotor is out of balance"
     if excitation.frequency is None and excitation.frequency_hz is None:
@@ -158,12 +164,12 @@ def torus_misfits(
 
 def tori_fit(stage: ContinueTori, info: ValidationInfo) -> ContinueTori:
     """The case's check of the tori against its excitation, cycles and unbalance."""
-    needed = ("excitation", "continue_cycles", "unbalance")
+    needed = ("bearings", "excitation", "continue_cycles", "unbalance")
     # a stage left at its defaults must not stop another one
     if stage == ContinueTori() or any(key not in info.data for key in needed):
         return stage
-    excitation, cycles, unbalance = (info.data[key] for key in needed)
-    problems = list(torus_misfits(stage, excitation, cycles.formulation, unbalance))
+    bearings, excitation, cycles, unbalance = (info.data[key] for key in needed)
+    problems = list(torus_misfits(stage, bearings, excitation, cycles.formulation, unbalance))
     if problems:
         raise InconsistentError(*problems)
     return stage

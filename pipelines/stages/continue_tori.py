@@ -55,9 +55,9 @@ def _refusal(job: Job) -> StageResult | None:
     def failed(reason: str, advice: str) -> StageResult:
         return StageResult(job.case.case_id, False, reason, advice)
 
-    misfits = torus_misfits(table, case.excitation, case.continue_cycles.formulation, case.unbalance)
-    for (key,), message in misfits:
-        return failed("no tori can be followed", f"continue_tori.{key} = {table.origin}: {message}")
+    formulation = case.continue_cycles.formulation
+    for (key,), message in torus_misfits(table, case.bearings, case.excitation, formulation, case.unbalance):
+        return failed("no tori can be followed", f"continue_tori.{key}: {message}")
     if table.origin == "neimark_sacker" and table.branch not in job.groups("cycles"):
         return failed(
             f"the store has no branch {table.branch}",

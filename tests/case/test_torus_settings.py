@@ -42,6 +42,11 @@ def test_defaults_fit_every_case() -> None:
         (["continue_tori.max_angles=13"], "max_angles", ">= 15"),
         (["continue_tori.tolerance=0"], "tolerance", "> 0"),
         (
+            ["continue_tori.parameter=foil_stiffness", "bearings.foil={rigid=true}"],
+            "parameter",
+            "a rigid bearing has no foil stiffness",
+        ),
+        (
             ["continue_cycles.formulation=autonomous", "continue_tori.step=0.02"],
             "origin",
             'set continue_cycles.formulation = "stroboscopic"',
