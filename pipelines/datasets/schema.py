@@ -482,7 +482,11 @@ TORI = GroupSpec(
         _real(
             "moduli", "point multiplier", "moduli of the multipliers of the curve, largest first", padded=True
         ),
-        _count("unstable_count", "point", "multipliers outside the unit circle, the trivial one left out"),
+        _count(
+            "unstable_count",
+            "point",
+            "multipliers outside the unit circle without the trivial one; -1 where growth leaves it open",
+        ),
         _flag(
             "spectrum",
             "point",

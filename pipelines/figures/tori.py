@@ -66,7 +66,7 @@ def draw_tori(case: CaseView, parameter: str, tori: Sequence[Table], cycles: Seq
     panels[0].set_xlim(*interval)
     add_parameter_axis(panels[0], parameter, case.scales, bottom=False)
     add_parameter_axis(panels[-1], parameter, case.scales, top=False)
-    style.legend_below(figure, _legend(case.bearings, cycles), 4)
+    style.legend_below(figure, _legend(case.bearings, tori, cycles), 4)
     kind = "with unbalance" if is_unbalanced(tori[0]) else "born at Neimark–Sacker points"
     title = f"{case.name}: tori {kind}, along the {PARAMETER_AXES[parameter].title}"
     return style.finish(figure, title, case.note)
@@ -94,7 +94,18 @@ def _inside(curve: Curve, interval: tuple[float, float]) -> NDArray[np.float64]:
     return curve.values[shown].ravel()
 
 
-def _legend(bearings: int, cycles: Sequence[Table]) -> list[Line2D]:
+def _stability_handles(tori: Sequence[Table]) -> list[Line2D]:
+    """Growth rates near one leave the stability of some tori open: they are drawn as if unstable."""
+    open_ones = any(np.any(branch["unstable_count"] < 0) for branch in tori)
+    return [
+        Line2D([], [], color="#333333", linestyle="-", label="stable"),
+        Line2D(
+            [], [], color="#333333", linestyle=UNSTABLE, label="unstable or open" if open_ones else "unstable"
+        ),
+    ]
+
+
+def _legend(bearings: int, tori: Sequence[Table], cycles: Sequence[Table]) -> list[Line2D]:
     handles = [
         Line2D([], [], label=f"torus, bearing {bearing + 1}", **style.bearing_look(bearing))
         for bearing in range(bearings)
@@ -102,8 +113,7 @@ def _legend(bearings: int, cycles: Sequence[Table]) -> list[Line2D]:
     if cycles:
         handles.append(Line2D([], [], label="cycles", **CYCLE_LOOK))
     handles.append(Line2D([], [], label="rotation number", **ROTATION_LOOK))
-    handles.append(Line2D([], [], color="#333333", linestyle="-", label="stable"))
-    handles.append(Line2D([], [], color="#333333", linestyle=UNSTABLE, label="unstable"))
+    handles += _stability_handles(tori)
     kinds = {kind for branch in cycles for kind in event_names(branch)}
     handles += [
         Line2D([], [], label=mark.label, **mark.look()) for kind, mark in EVENT_MARKS.items() if kind in kinds
@@ -132,7 +142,5 @@ def draw_section(case: CaseView, parameter: str, tori: Table, name: str) -> Figu
         axes.set(title=f"bearing {bearing + 1}", xlabel=r"$\bar{x}_j(kT_{ex})$ [–]")
     panels[0].set_ylabel(r"$\bar{y}_j(kT_{ex})$ [–]")
     figure.colorbar(colours, ax=list(panels), label=PARAMETER_AXES[parameter].label, shrink=0.9)
-    handles = [Line2D([], [], color="#333333", linestyle="-", label="stable")]
-    handles.append(Line2D([], [], color="#333333", linestyle=UNSTABLE, label="unstable"))
-    style.legend_below(figure, handles)
+    style.legend_below(figure, _stability_handles([tori]))
     return style.finish(figure, f"{case.name}: invariant curves on the section, branch {name}", case.note)

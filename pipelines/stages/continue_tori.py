@@ -21,6 +21,7 @@ from pipelines.stages.continue_cycles import DIRECTIONS
 from pipelines.stages.cycle_rows import EVENT_NAMES, stored_event
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.results import Report, ShouldStop, StageResult
+from pipelines.stages.torus_rows import UNDECIDED
 from pipelines.stages.torus_run import trace_tori
 from pipelines.stages.torus_sources import TorusSource, born_tori, unbalanced_tori
 
@@ -107,8 +108,11 @@ def _result(job: Job, groups: list[str]) -> StageResult:
     told: dict[str, Any] = {
         "branches": len(branches),
         "points": sum(branch.n_points for branch in branches),
-        "unstable points": sum(int(np.sum(branch["unstable_count"] > 0)) for branch in branches),
     }
+    counts = np.concatenate([branch["unstable_count"] for branch in branches]) if branches else np.zeros(0)
+    told["unstable points"] = int(np.sum(counts > 0))
+    if undecided := int(np.sum(counts == UNDECIDED)):
+        told["undecided points"] = undecided
     reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
     advice = "; ".join(dict.fromkeys(filter(None, (b.attributes["stop_advice"] for b in branches))))
     ok = all(_is_well(branch) for branch in branches)

@@ -24,6 +24,7 @@ from pipelines.stages.cycle_rows import coordinates, unphysical
 
 Array = NDArray[np.float64]
 
+UNDECIDED = -1  # number of unstable multipliers where growth rates do not tell it
 CURVE_ANGLES = 129  # of the stored curves of the masters, and at least as many for the extremes of a torus
 
 
@@ -177,7 +178,7 @@ def point_row(
         "arclength": state.arclength,
         "direction": np.int8(state.tangent_parameter > 0.0),
         "moduli": point.spectrum.moduli,
-        "unstable_count": point.spectrum.unstable,
+        "unstable_count": point.spectrum.unstable if point.spectrum.decided else UNDECIDED,
         "spectrum": np.int8(point.spectrum.complete),
         "section_curve": shape.section,
         "orbit_minimum": shape.minimum,

@@ -113,7 +113,8 @@ def _teller(job: Job, group: str) -> Callable[[TorusPoint, TorusState], None]:
 
     def told(point: TorusPoint, state: TorusState) -> None:
         message = f"{table.parameter} {state.parameter:.5g}, rotation {state.rotation / (2.0 * math.pi):.5f}"
-        message += f", {point.torus.count} angles, {'stable' if point.stable else 'unstable'}"
+        known = "stable" if point.stable else "unstable"
+        message += f", {point.torus.count} angles, {known if point.spectrum.decided else 'undecided'}"
         job.tell(state.index + 1, table.max_points, f"{group}: {message}")
 
     return told

@@ -44,6 +44,15 @@ def test_cycles_are_shown_around_the_tori_with_their_bifurcations(view, tori, br
     assert "cycles" not in [t.get_text() for t in draw_tori(view, "speed", [tori]).legends[0].get_texts()]
 
 
+def test_open_stability_is_not_drawn_as_stable(view, tori):
+    counts = tori["unstable_count"].copy()
+    counts[3:] = -1
+    figure = draw_tori(view, "speed", [Table({**tori.arrays, "unstable_count": counts}, tori.attributes)])
+    solid = [line for line in figure.axes[2].get_lines() if line.get_linestyle() == "-"]
+    assert max(line.get_xdata().max() for line in solid) == tori["speed"][2]
+    assert "unstable or open" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
 def test_invariant_curves_are_closed_and_coloured_by_the_parameter(view, tori):
     figure = draw_section(view, "speed", tori, "q000")
     for bearing, axes in enumerate(figure.axes[:2]):
