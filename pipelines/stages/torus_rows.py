@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -53,15 +53,13 @@ def static_arrays(case: Case) -> dict[str, Any]:
 class TorusShape:
     """A torus seen from outside, all displacements over clearance.
 
-    ``orbits``: what ``cycle_shape`` tells of the orbits from all angles, one after the other; ``section``
-    (CURVE_ANGLES, 2 masters): the invariant curve at the start of a period; ``minimum``, ``maximum``
-    (2 masters,); ``whirl_frequency``; ``step_error``: of the images by the time steps, largest component.
+    ``orbits``: what ``cycle_shape`` tells, of many orbits one after the other that cover the torus;
+    ``section`` (CURVE_ANGLES, 2 masters): the invariant curve at the start of a period; ``whirl_frequency``;
+    ``step_error``: of the images by the time steps, largest component.
     """
 
     orbits: CycleShape
     section: Array
-    minimum: Array
-    maximum: Array
     whirl_frequency: float
     step_error: float
 
@@ -79,14 +77,24 @@ def torus_shape(machine: Machine, circle: PeriodCircle, at: TorusUnknowns) -> To
         snapshots=0,
     )
     masters = shape.orbit.reshape(count, samples, -1)
-    fine = resampled(masters, max(count, CURVE_ANGLES))
     return TorusShape(
-        shape,
+        _between_angles(shape, count),
         resampled(masters[:, 0], CURVE_ANGLES),
-        fine.min(axis=(0, 1)),
-        fine.max(axis=(0, 1)),
         abs(whirl_turn(masters, at.rotation)) / circle.period_map.period(parameters),
         _step_error(circle, at, images),
+    )
+
+
+def _between_angles(shape: CycleShape, count: int) -> CycleShape:
+    """The same with orbits between those from ``count`` angles, so that no extreme lies far from all."""
+    orbits, films = (
+        resampled(values.reshape(count, -1, values.shape[1]), max(count, CURVE_ANGLES)).reshape(
+            -1, values.shape[1]
+        )
+        for values in (shape.orbit, shape.film_trace)
+    )
+    return replace(
+        shape, orbit=orbits, minimum=orbits.min(axis=0), maximum=orbits.max(axis=0), film_trace=films
     )
 
 
@@ -181,8 +189,8 @@ def point_row(
         "unstable_count": point.spectrum.unstable if point.spectrum.decided else UNDECIDED,
         "spectrum": np.int8(point.spectrum.complete),
         "section_curve": shape.section,
-        "orbit_minimum": shape.minimum,
-        "orbit_maximum": shape.maximum,
+        "orbit_minimum": shape.orbits.minimum,
+        "orbit_maximum": shape.orbits.maximum,
         "minimum_pressure": shape.orbits.lowest_pressure,
         "minimum_film": shape.orbits.film_trace.min(axis=0),
         "newton_iterations": point.iterations,
