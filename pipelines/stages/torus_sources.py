@@ -13,7 +13,7 @@ from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchState,
 from pipelines.bifurcations.circle_map import PeriodCircle
 from pipelines.bifurcations.detection import DetectionOptions, Event
 from pipelines.bifurcations.slow_bases import constant_bases
-from pipelines.bifurcations.torus import TorusOptions, TorusPoint, TorusStart, TorusState, TorusStop
+from pipelines.bifurcations.torus import TorusOptions, TorusPoint, TorusStart, TorusStop
 from pipelines.bifurcations.torus_continuation import continue_torus
 from pipelines.bifurcations.torus_problem import FourierOptions, TorusProblem
 from pipelines.bifurcations.torus_start import torus_from_event
@@ -183,17 +183,15 @@ class UnbalancedTori:
         state = result.state
         if result.stop is TorusStop.RANGE and state is not None and state.parameter == 1.0:
             return TorusStart(state.states, state.slow_bases, start.parameter, state.rotation)
-        return NoStart(_ended(result.message or result.stop.advice, state), "lower the unbalance, or start "
-                       "farther from a critical speed (continue_tori.start)")  # fmt: skip
+        reached, why = 0.0 if state is None else state.parameter, result.message or result.stop.advice
+        return NoStart(
+            f"no torus was found: raised from zero, the unbalance came to {reached:.3g} of its value: {why}",
+            "lower the unbalance, or choose another continue_tori.start",
+        )
 
     def _cycle_limit(self, point: BranchPoint) -> str | None:
         shape = cycle_shape(self.machine, point.cycle.image.orbit, point.cycle.parameters, snapshots=0)
         return unphysical(shape, self.case.continue_cycles.minimum_film)
-
-
-def _ended(why: str, state: TorusState | None) -> str:
-    reached = 0.0 if state is None else state.parameter
-    return f"no torus was found: raised from zero, the unbalance came to {reached:.3g} of its value: {why}"
 
 
 def _fixed(parameter: str, values: np.ndarray) -> dict[str, float]:
