@@ -11,6 +11,7 @@ import typer
 
 from agfb_cli.commands import (
     continue_cycles,
+    continue_tori,
     criticals,
     doctor,
     figures,
@@ -91,6 +92,7 @@ app.command("linearize", help=linearize.HELP)(linearize.linearize)
 app.command("criticals", help=criticals.HELP)(criticals.criticals)
 app.command("continue-cycles", help=continue_cycles.HELP)(continue_cycles.continue_cycles)
 app.command("continue", help="The same as continue-cycles.")(continue_cycles.continue_cycles)
+app.command("continue-tori", help=continue_tori.HELP)(continue_tori.continue_tori)
 app.command("track-pd", help=track_curves.PERIOD_DOUBLING_HELP)(track_curves.track_pd)
 app.command("track-ns", help=track_curves.NEIMARK_SACKER_HELP)(track_curves.track_ns)
 app.command("track-folds", help=track_curves.FOLD_HELP)(track_curves.track_folds)

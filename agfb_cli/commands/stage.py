@@ -43,6 +43,8 @@ REFINABLE = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds",
 """Stages that locate bifurcations: their commands have the option `--refine`."""
 Afterwards = Callable[[Path, str | None, Console], list[Path]]
 Admit = Callable[[Sequence["NamedCase"]], None]
+Stages = Sequence[str] | Callable[[Sequence["NamedCase"]], Sequence[str]]
+"""Names of stages in order, or a function that tells them from the chosen cases."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class Outcome:
         return ExitCode.CASES_FAILED if failed else ExitCode.DONE
 
 
-def stage_command(stages: Sequence[str], afterwards: Afterwards | None = None) -> Callable[..., None]:
+def stage_command(stages: Stages, afterwards: Afterwards | None = None) -> Callable[..., None]:
     """Make the command that runs `stages` in order on every case, then `afterwards` on their store.
 
     With `--refine`, which only commands with one of the stages `REFINABLE` have, the stage `refine` follows.
@@ -102,12 +104,14 @@ def stage_command(stages: Sequence[str], afterwards: Afterwards | None = None) -
             store = output or default_store(config)
             pool = choose_pool(workers, scheduler)
             request = Request(config, store, tuple(assignments or ()), case, dry_run, force, pool)
-            outcome = execute((*stages, "refine") if refine else stages, request, console)
+            asked = stages if callable(stages) or not refine else (*stages, "refine")
+            outcome = execute(asked, request, console)
             if not dry_run:
                 close(outcome, request, afterwards, console)
             raise typer.Exit(outcome.exit_code())
 
-    return command if REFINABLE & set(stages) else without_option(command, "refine")
+    refinable = not callable(stages) and REFINABLE & set(stages)
+    return command if refinable else without_option(command, "refine")
 
 
 def without_option(command: Callable[..., None], name: str) -> Callable[..., None]:
@@ -128,13 +132,14 @@ def close(outcome: Outcome, request: Request, afterwards: Afterwards | None, con
         show_outcome(outcome, request.store, files, console)
 
 
-def execute(stages: Sequence[str], request: Request, console: Console, admit: Admit | None = None) -> Outcome:
+def execute(stages: Stages, request: Request, console: Console, admit: Admit | None = None) -> Outcome:
     """Run `stages` as requested and show each result as it arrives; raises typer.Exit when interrupted.
 
     `admit` looks at the chosen cases before anything is written, and raises to refuse them.
     """
     named_cases = load_cases(request.config, request.assignments)
     chosen = select_cases(named_cases, request.case_pattern)
+    stages = stages(chosen) if callable(stages) else stages
     if admit is not None:
         refuse_other_store(request, named_cases)
         admit(chosen)

@@ -84,6 +84,11 @@ class TorusSpectrum:
         """Multipliers outside the unit circle, by more than their error."""
         return int(np.sum(self.moduli > 1.0 + (_OUTSIDE if self.complete else _GROWTH_ERROR)))
 
+    @property
+    def decided(self) -> bool:
+        """Whether no modulus is so near to one that growth rates do not tell on which side it lies."""
+        return self.complete or not bool(np.any(np.abs(self.moduli - 1.0) <= _GROWTH_ERROR))
+
 
 def settled_spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusSpectrum]:
     """The spectrum, after as many further subspace iterations as its multipliers need, and the curve with the

@@ -19,6 +19,7 @@ from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
 from pipelines.case.settings import ContinueCycles, Criticals, Linearize, Numerics, Operation
+from pipelines.case.torus_settings import ContinueTori, tori_fit
 from pipelines.case.transient_settings import Transient, Unbalance, transient_fits, unbalance_on_shaft
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "Bump",
     "Case",
     "ContinueCycles",
+    "ContinueTori",
     "Criticals",
     "Disc",
     "Element",
@@ -84,11 +86,15 @@ class Case(Table):
     track_curves: TrackCurves = table("stages `agfb track-pd`, `track-ns`, `track-folds`", TrackCurves())
     bifurcation_set: BifurcationSet = table("search of `agfb run` for the whole set", BifurcationSet())
     refine: Refine = table("stage of the option `--refine`", Refine())
-    unbalance: Unbalance | None = table("the rotor's unbalance, for `agfb transient`", None)
+    unbalance: Unbalance | None = table(
+        "the rotor's unbalance, for `agfb transient` and `agfb continue-tori`", None
+    )
     transient: Transient = table("stage `agfb transient`", Transient())
+    continue_tori: ContinueTori = table("stage `agfb continue-tori`", ContinueTori())
 
     _unbalance = field_validator("unbalance")(unbalance_on_shaft)
     _transient = field_validator("transient")(transient_fits)
+    _tori = field_validator("continue_tori")(tori_fit)
 
     @field_validator("bearings")
     @classmethod

@@ -443,6 +443,86 @@ CYCLES = GroupSpec(
     coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
 )
 
+TORI = GroupSpec(
+    "tori",
+    "A branch of quasi-periodic orbits, as invariant curves of the map over an excitation period",
+    (
+        _real("speed", "point", "rotating speed, dimensionless"),
+        _real("excitation_frequency", "point", "excitation frequency of the ring, dimensionless"),
+        _real("displacement", "point", "largest vertical displacement of the ring over clearance"),
+        _real("foil_stiffness", "point", "foil stiffness of the first bearing, dimensionless"),
+        _real("period", "point", "period of the map, dimensionless"),
+        _real(
+            "rotation",
+            "point",
+            "turn of the second angle in a period; its number of turns is this over 2 pi",
+            "rad",
+        ),
+        _real(
+            "whirl_frequency", "point", "mean whirl frequency: the strongest frequency of the second angle"
+        ),
+        _real(
+            "section",
+            "point angle component",
+            "states of the invariant curve at the start of a period, at angle_count equally spaced angles",
+            padded=True,
+        ),
+        _count("angle_count", "point", "number of angles of the section"),
+        _real(
+            "amplitudes",
+            "point wave",
+            "largest state component of every wave number of the curve",
+            padded=True,
+        ),
+        _real("tail", "point", "what the Fourier series of the curve lacks, largest state component"),
+        _real("residual", "point", "largest component by which an image misses the curve"),
+        _real("step", "point", "arclength step that the next point tries first"),
+        _real("arclength", "point", "arclength from the first point"),
+        _flag("direction", "point", "direction in which the continued parameter moves", "down", "up"),
+        _real(
+            "moduli", "point multiplier", "moduli of the multipliers of the curve, largest first", padded=True
+        ),
+        _count(
+            "unstable_count",
+            "point",
+            "multipliers outside the unit circle without the trivial one; -1 where growth leaves it open",
+        ),
+        _flag(
+            "spectrum",
+            "point",
+            "whether all multipliers were found as eigenvalues; otherwise moduli are growth rates within 2 %",
+            "incomplete",
+            "complete",
+        ),
+        _real(
+            "section_curve", "point curve coordinate", "invariant curve of the master nodes over clearance"
+        ),
+        _real("orbit_minimum", "point coordinate", "smallest value over the torus, over clearance"),
+        _real("orbit_maximum", "point coordinate", "largest value over the torus, over clearance"),
+        _real("minimum_pressure", "point bearing", "smallest film pressure over the torus, over ambient"),
+        _real("minimum_film", "point bearing", "smallest film thickness over the torus, over clearance"),
+        _count("newton_iterations", "point", "Newton-Picard iterations"),
+        _count("steps_per_period", "point", "time steps of one period"),
+        _real("step_error", "point", "estimated error of an image by the time steps (implicit stepper only)"),
+        _real("tangent", "slot angle component", "unit tangent of the branch: section", padded=True),
+        _real("tangent_rotation", "slot", "the same: rotation"),
+        _real("tangent_parameter", "slot", "the same: continued parameter"),
+        _real(
+            "basis",
+            "slot angle component column",
+            "orthonormal bases of the slow subspaces along the newest curve",
+            padded=True,
+        ),
+        _count("basis_columns", "slot", "columns of the bases that are used"),
+        _count("basis_leading", "slot", "columns of the bases that are smooth along the curve"),
+        _real("curve", "curve", "second angle of the points of section_curve", "rad"),
+        _count("coordinate_node", "coordinate", "shaft node of the coordinate"),
+        _flag("coordinate_axis", "coordinate", "axis of the coordinate", "x", "y"),
+    ),
+    row="point",
+    coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
+)
+
 CURVE = GroupSpec(
     "curve",
     "A curve of period doublings, Neimark-Sacker points or folds over two parameters",
@@ -721,6 +801,7 @@ KINDS: Mapping[str, GroupSpec] = {
         LINEAR,
         CRITICALS,
         CYCLES,
+        TORI,
         CURVE,
         BIFURCATION_SET,
         REFINEMENT,

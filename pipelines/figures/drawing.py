@@ -30,6 +30,7 @@ from pipelines.figures.machine_drawing import draw_machine
 from pipelines.figures.multipliers import draw_multipliers
 from pipelines.figures.orbits import draw_film, draw_orbits
 from pipelines.figures.stability_map import PlaneView, draw_stability_map, same_plane
+from pipelines.figures.tori import draw_section, draw_tori, is_unbalanced
 
 Report = Callable[[str], None]
 
@@ -46,6 +47,8 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "film": "cycles",
         "tree": "cycles",
         "stability": "curve",
+        "tori": "tori",
+        "section": "tori",
     }
 )
 # Figure: kinds of groups that add to it where the store has them.
@@ -53,6 +56,7 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
     {
         "bifurcation": ("refinement",),
         "stability": ("criticals", "bifurcation_set", "operating_range", "refinement"),
+        "tori": ("cycles",),
     }
 )
 CURVE_CONTAINERS = ("pd", "ns", "folds")
@@ -154,6 +158,8 @@ def _plans(
     ]
     curves = {name.split("/", 2)[2]: table for name, table in tables.items() if _kind(name) == "curve"}
     plans += _map_plans(view, curves, {_kind(name): table for name, table in tables.items()})
+    tori = {name.rsplit("/", 1)[1]: table for name, table in tables.items() if _kind(name) == "tori"}
+    plans += _torus_plans(view, tori, branches)
     order = list(FIGURE_KINDS)
     return sorted((plan for plan in plans if plan.kind in kinds), key=lambda plan: order.index(plan.kind))
 
@@ -244,6 +250,26 @@ def _tree_plans(view: CaseView, branches: Mapping[str, Table]) -> list[Plan]:
         if any(excitation_periods(branch) > 1 for branch in started.values()):
             draw = partial(draw_bifurcation_tree, view, parameter, started)
             plans.append(Plan("tree", f"tree-{parameter}", draw))
+    return plans
+
+
+def _torus_plans(view: CaseView, tori: Mapping[str, Table], cycles: Mapping[str, Table]) -> list[Plan]:
+    """A diagram for every parameter and origin of tori, and the invariant curves of every branch."""
+    plans = []
+    for parameter in PARAMETER_AXES:
+        along = [branch for branch in tori.values() if branch.attributes["parameter"] == parameter]
+        behind = [b for b in cycles.values() if b.attributes["parameter"] == parameter and len(b["speed"])]
+        for ending, unbalanced in (("", False), ("-unbalance", True)):
+            chosen = [branch for branch in along if is_unbalanced(branch) == unbalanced]
+            started = [branch for branch in chosen if len(branch["speed"])]
+            diagram = partial(draw_tori, view, parameter, started, behind)
+            if chosen:
+                draw = diagram if started else _nothing_yet(view)
+                plans.append(Plan("tori", f"tori-{parameter}{ending}", draw))
+    for name, branch in tori.items():
+        section = partial(draw_section, view, str(branch.attributes["parameter"]), branch, name)
+        draw = section if len(branch["speed"]) else _nothing_yet(view, name)
+        plans.append(Plan("section", f"section-{name}", draw))
     return plans
 
 

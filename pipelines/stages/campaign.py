@@ -70,7 +70,8 @@ def run_campaign(
     """Run every stage on every case and yield stage and result as they arrive.
 
     Each stage of a case waits for the one before. When `should_stop` answers True, running tasks end at
-    their next commit and no other is started. Raises ClusterError, and OSError and MemoryError as `run_stages` does.
+    their next commit and no other is started. Raises ClusterError, and OSError and MemoryError as
+    `run_stages` does.
     """
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(SETTINGS))

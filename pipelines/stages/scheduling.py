@@ -28,6 +28,7 @@ STAGES = (
     "bifurcation_set",
     "refine",
     "transient",
+    "continue_tori",
 )
 
 

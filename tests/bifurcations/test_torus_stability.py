@@ -88,3 +88,16 @@ def test_growth_where_circles_are_degenerate() -> None:
     assert not found.complete
     expected = max(0.8 + 0.1 * np.cos(2.0 * start) for start in (0.0, 0.7, 1.9))
     assert found.moduli == pytest.approx([expected, 0.5 * expected], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("largest", "complete", "decided"), [(1.015, False, False), (1.03, False, True), (1.001, True, True)]
+)
+def test_growth_rates_near_one_leave_the_stability_open(
+    largest: float, complete: bool, decided: bool
+) -> None:
+    moduli = np.array([largest, 0.5])
+    spectrum = TorusSpectrum(moduli.astype(complex), np.zeros(2), -1, moduli, moduli, complete)
+    assert spectrum.decided == decided
+    if decided:
+        assert spectrum.unstable == 1

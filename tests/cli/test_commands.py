@@ -50,6 +50,21 @@ def test_curves_follow_the_branch_that_they_start_from(program: Program, smoke: 
     assert program.computed == [("continue_cycles", "smoke"), (f"track_{kind}", "smoke")]
 
 
+def test_tori_follow_the_branch_that_they_are_born_on_and_need_none_with_unbalance(
+    program: Program, smoke: Path
+) -> None:
+    assert program("continue-tori", "smoke.toml").exit_code == ExitCode.DONE
+    assert program.computed == [("continue_cycles", "smoke"), ("continue_tori", "smoke")]
+    driven = ("--set", "continue_tori.origin=unbalance", "--set", "unbalance.planes=[{node=2, moment=0.1}]")
+    planned = program("continue-tori", "smoke.toml", *driven, "--dry-run")
+    assert "continue-tori" in planned.stdout
+    assert "continue-cycles" not in planned.stdout
+    refused = program("continue-tori", "smoke.toml", *driven[:2])
+    assert refused.exit_code == ExitCode.USAGE
+    assert "needs the table [unbalance]" in refused.stderr
+    assert len(program.computed) == 2
+
+
 def test_a_refinement_follows_the_stages_of_all_cases(program: Program, three: Path) -> None:
     assert program("continue", "three.toml", "--refine").exit_code == ExitCode.DONE
     assert [stage for stage, _ in program.computed] == ["continue_cycles"] * 3 + ["refine"] * 3

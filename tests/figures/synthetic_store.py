@@ -16,8 +16,9 @@ from tests.helpers.curves import Path2, curve_rows, oval, write_curve, write_set
 Arrays = dict[str, NDArray[Any]]
 
 MASTERS = np.array([0, 2, 4, 7, 10, 12, 14])
-PARTS = ("machine", "linear", "criticals", "cycles", "doubled", "curves", "set")
+PARTS = ("machine", "linear", "criticals", "cycles", "doubled", "curves", "set", "tori")
 SAMPLES, SNAPSHOTS, THETAS, STATES, MULTIPLIERS = 64, 8, 41, 40, 12
+TORUS_ANGLES = 33
 
 
 def machine(hollow: bool = False) -> Arrays:
@@ -268,6 +269,8 @@ def make_store(path: Path, points: int = 40, *, parts: tuple[str, ...] = PARTS, 
         write_doubled(store, points)
     if "curves" in parts:
         write_curves(store)
+    if "tori" in parts:
+        write_tori(store, min(points, 12))
     if "set" in parts:
         write_set(store, "kb10")
     return store
@@ -305,6 +308,43 @@ def write_branch(
             )
         if stop != "running":
             writer.finish(stop)
+
+
+def tori(points: int = 12) -> Arrays:
+    """A branch of tori from the Neimark-Sacker point at 1.2 on, unstable beyond 1.28."""
+    speed = 1.2 + 0.12 * np.linspace(0.02, 1.0, max(points, 2))[:points]
+    reach = 0.3 * np.sqrt(speed - 1.2)[:, None, None]
+    angle = 2.0 * np.pi * np.arange(TORUS_ANGLES)[:, None] / TORUS_ANGLES
+    x, y = np.cos(angle + 0.2), 0.7 * np.sin(angle) + 0.1 * np.cos(2 * angle)
+    centre = np.tile(_locus(speed), len(MASTERS))
+    shape = np.concatenate([x, y] * len(MASTERS), axis=1)
+    curve = centre[:, None, :] + reach * shape
+    return {
+        "speed": speed,
+        "rotation": 2.0 * np.pi * (0.38 - 0.3 * (speed - 1.2)),
+        "unstable_count": (speed > 1.28).astype(int),
+        "section_curve": curve,
+        "orbit_minimum": curve.min(axis=1) - 0.1,
+        "orbit_maximum": curve.max(axis=1) + 0.1,
+    }
+
+
+def write_tori(store: Store, points: int, name: str = "q000", **more: Any) -> None:
+    """A branch of tori, ended; arrays that no figure reads hold zeros."""
+    sizes = {"point": 60, "curve": TORUS_ANGLES, "coordinate": 2 * len(MASTERS)}
+    static = {
+        "curve": 2.0 * np.pi * np.arange(TORUS_ANGLES) / TORUS_ANGLES,
+        "coordinate_node": np.repeat(MASTERS, 2),
+        "coordinate_axis": np.tile([0, 1], len(MASTERS)),
+    }
+    attributes = {"parameter": "speed", **(more or {"origin": {"group": "cycles/b000", "event": 2}})}
+    rows = tori(points)
+    with open_branch(store, f"cases/kb10/tori/{name}", "tori", sizes, static, attributes) as writer:
+        unread = {n: 0 for n, a in writer.arrays.items() if a.role == "row" and n not in rows}
+        slots = {n: 0 for n, a in writer.arrays.items() if a.role == "slot"}
+        for point in range(points):
+            writer.commit(unread | {n: values[point] for n, values in rows.items()}, slots)
+        writer.finish("maximum_points")
 
 
 def doubled(turns: int, points: int, windows: tuple[tuple[float, float], ...]) -> Arrays:

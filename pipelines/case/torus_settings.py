@@ -1,0 +1,175 @@
+"""Table of the tori: from where quasi-periodic orbits are followed, and how."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+from pydantic import ValidationInfo, field_validator
+
+from pipelines.case.bearings import Bearing, Excitation
+from pipelines.case.curve_settings import Parameter
+from pipelines.case.fields import (
+    InconsistentError,
+    Misfit,
+    Number,
+    Table,
+    choice,
+    quantity,
+    steps_in_order,
+    table,
+)
+from pipelines.case.transient_settings import Unbalance
+
+FEWEST_ANGLES = 15
+
+
+class ContinueTori(Table):
+    """Continuation of quasi-periodic orbits in one parameter."""
+
+    origin: Literal["neimark_sacker", "unbalance"] = choice(
+        "`neimark_sacker`: the tori born at every Neimark-Sacker point of a branch of cycles; `unbalance`: "
+        "the motion of the rotor with the table [unbalance], with the frequencies of rings and rotor",
+        "neimark_sacker",
+    )
+    branch: str = quantity(
+        "branch whose Neimark-Sacker points tori are born at: `cycles/b000`, or a period-doubled one such as "
+        "`cycles/d000`",
+        "",
+        "cycles/b000",
+        pattern=r"^cycles/[bd][0-9]{3}$",
+        because="it is one of those that `agfb continue-cycles` writes",
+    )
+    parameter: Parameter = choice(
+        "dimensionless parameter that is continued; `foil_stiffness` scales both foils together", "speed"
+    )
+    range: tuple[Number, Number] = table(
+        "values of the parameter between which tori are followed", (0.2, 1.6), unit="1"
+    )
+    start: float | None = quantity(
+        "value of the parameter where a branch with unbalance starts; default: the case's own value",
+        "1",
+        None,
+    )
+    direction: Literal["up", "down", "both"] = choice(
+        "direction of the parameter at the start with unbalance; a torus leaves its Neimark-Sacker point on "
+        "the side where it exists",
+        "up",
+    )
+    amplitude: float = quantity(
+        "size of the first torus beside its Neimark-Sacker point (largest state component)",
+        "1",
+        0.01,
+        above=0,
+        below=1,
+        because="a torus of no size is the cycle",
+    )
+    step: float = quantity(
+        "first arclength step", "1", 0.01, above=0, because="a branch is followed in steps"
+    )
+    minimum_step: float = quantity(
+        "the branch ends when a step would be shorter",
+        "1",
+        1e-4,
+        above=0,
+        because="a branch is followed in steps",
+    )
+    maximum_step: float = quantity(
+        "longest arclength step", "1", 0.05, above=0, because="a branch is followed in steps"
+    )
+    max_points: int = quantity(
+        "a branch ends after this many points",
+        "",
+        100,
+        at_least=1,
+        at_most=100_000,
+        because="the store is laid out for them",
+    )
+    tolerance: float = quantity(
+        "what the Fourier series of an invariant curve may lack, largest state component",
+        "1",
+        1e-6,
+        above=0,
+        at_most=1e-2,
+        because="the number of angles is chosen by it; the clipped film is not analytic, so that each "
+        "further digit is dearer than the one before",
+    )
+    max_angles: int = quantity(
+        f"most angles along an invariant curve, odd; they are raised from {FEWEST_ANGLES} as 2 M + 1 where "
+        "the tolerance asks for it",
+        "",
+        127,
+        at_least=FEWEST_ANGLES,
+        at_most=1023,
+        because="the cost of a torus grows with their number",
+    )
+
+    @field_validator("range")
+    @classmethod
+    def _range(cls, value: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
+        low, high = value
+        displaced = info.data.get("parameter") == "displacement"
+        if displaced and not (low >= 0 and high < 1):
+            raise InconsistentError(
+                "must lie within 0 <= displacement < 1: the ring closes the film otherwise"
+            )
+        if not displaced and low <= 0:
+            raise InconsistentError(((0,), "must be > 0: this parameter is positive"))
+        if not low < high:
+            raise InconsistentError(f"must be [low, high] with low < high, given [{low:g}, {high:g}]")
+        return value
+
+    @field_validator("start")
+    @classmethod
+    def _start(cls, value: float | None, info: ValidationInfo) -> float | None:
+        low, high = info.data.get("range", (-math.inf, math.inf))
+        if value is not None and not low <= value <= high:
+            raise InconsistentError(f"must lie inside range = [{low:g}, {high:g}]")
+        return value
+
+    @field_validator("max_angles")
+    @classmethod
+    def _odd(cls, value: int) -> int:
+        if value % 2 == 0:
+            raise InconsistentError("must be odd: an even number has a wave that a shift does not keep")
+        return value
+
+    _steps = field_validator("maximum_step")(steps_in_order)
+
+
+def torus_misfits(
+    stage: ContinueTori,
+    bearings: Sequence[Bearing],
+    excitation: Excitation,
+    formulation: str,
+    unbalance: Unbalance | None,
+) -> Iterator[Misfit]:
+    """What makes tori of this case impossible; ``formulation``: that of its cycles."""
+    if stage.parameter == "foil_stiffness" and any(bearing.foil.rigid for bearing in bearings):
+        yield ("parameter",), "a rigid bearing has no foil stiffness to continue"
+    if stage.origin == "unbalance" and unbalance is None:
+        yield ("origin",), "needs the table [unbalance], which says where the rotor is out of balance"
+    if excitation.frequency is None and excitation.frequency_hz is None:
+        yield (
+            ("origin",),
+            "tori are invariant curves of the map over an excitation period: give excitation.frequency",
+        )
+    elif stage.origin == "neimark_sacker" and formulation == "autonomous":
+        yield (
+            ("origin",),
+            'tori are born at cycles of known period: set continue_cycles.formulation = "stroboscopic"',
+        )
+
+
+def tori_fit(stage: ContinueTori, info: ValidationInfo) -> ContinueTori:
+    """The case's check of the tori against its excitation, cycles and unbalance."""
+    needed = ("bearings", "excitation", "continue_cycles", "unbalance")
+    # a stage left at its defaults must not stop another one
+    if stage == ContinueTori() or any(key not in info.data for key in needed):
+        return stage
+    bearings, excitation, cycles, unbalance = (info.data[key] for key in needed)
+    problems = list(torus_misfits(stage, bearings, excitation, cycles.formulation, unbalance))
+    if problems:
+        raise InconsistentError(*problems)
+    return stage
