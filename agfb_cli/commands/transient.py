@@ -21,9 +21,12 @@ from agfb_cli.options import (
     Force,
     Output,
     Quiet,
+    Scheduler,
     Traceback,
     Verbose,
+    Workers,
 )
+from agfb_cli.pool import choose_pool
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
@@ -48,6 +51,8 @@ def transient(
     yes: Yes = False,
     dry_run: DryRun = False,
     force: Force = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
     json: AsJson = False,
@@ -57,7 +62,8 @@ def transient(
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         store = output or default_store(config)
-        request = Request(config, store, tuple(assignments or ()), case, dry_run, force)
+        pool = choose_pool(workers, scheduler)
+        request = Request(config, store, tuple(assignments or ()), case, dry_run, force, pool)
 
         def admit(named_cases: Sequence[NamedCase]) -> None:
             refuse(named_cases, None if force else store, console, yes)
