@@ -45,6 +45,7 @@ from pipelines.orbits.time_steps import following_steps
 # The error that time steps leave is noisy beside kinks: a point is corrected again only where it is clearly
 # too large, else the next one has more steps.
 _REPEATED = 3.0
+_RECENT = 10  # points that a curve may be near to because it has just left them
 _STARTED = 1e-4  # arclength within which a resonance found again is the one that the curve starts from
 
 
@@ -56,6 +57,7 @@ def continue_curve(
     limit: CurveLimit | None = None,
     should_stop: Callable[[], bool] | None = None,
     traced: Mapping[str, TracedCurve] | None = None,
+    own: TracedCurve | None = None,
 ) -> CurveResult:
     """Trace a bifurcation curve from a guess, or go on from a recorded state.
 
@@ -63,13 +65,16 @@ def continue_curve(
     previous point and this one; ``state`` is all that is needed to restart after it.  ``limit(point)``
     returns a sentence when the point must not be accepted, which ends the curve before it.  ``should_stop()``
     is asked after each recorded point.  The curve ends where it runs along one of the ``traced`` ones of the
-    same kind and period.  The last point lies exactly on the end of a range, on R1 or R2 of a
-    Neimark-Sacker curve, or on the first point of a closed curve.  Raises ValueError when the start lies
+    same kind and period, or along itself: beside a kink of the equations it may change to another curve and
+    come into a loop that its first point is not on.  ``own``: the points recorded before a restart.  The last
+    point lies exactly on the end of a range, on R1 or R2 of a Neimark-Sacker curve, or on the first point of
+    a closed curve.  Raises ValueError when the start lies
     outside the ranges; every other failure is a CurveResult.
     """
     metric = metric_of(problem, options.parameter_scales)
     if isinstance(start, CurveState):
         state = start
+        own = TracedCurve.of([state]) if own is None else own
     else:
         try:
             opened = open_curve(problem, start, options, metric)
@@ -81,6 +86,7 @@ def continue_curve(
         if limit is not None and (message := limit(point)) is not None:
             return CurveResult(CurveStop.LIMIT, None, message)
         record(point, state, ())
+        own = TracedCurve.of([state])
     while (stop := _stop_reason(problem, state, options, metric)) is None:
         if should_stop is not None and should_stop():
             return CurveResult(CurveStop.INTERRUPTED, state)
@@ -95,10 +101,14 @@ def continue_curve(
             continue
         if limit is not None and (message := limit(step.end.point)) is not None:
             return CurveResult(CurveStop.LIMIT, state, message)
-        if (name := _along(step.end, traced or {}, options)) is not None:
+        known = dict(traced or {})
+        if not _returned(state, step.end.position, metric):
+            known["itself"] = own.without_last(_RECENT)
+        if (name := _along(step.end, known, options)) is not None:
             return CurveResult(CurveStop.TRACED, state, f"it runs along {name}")
         state = _advance(problem, state, step, options)
         record(step.end.point, state, step.specials)
+        own = own.with_point(state)
     return CurveResult(stop, state)
 
 

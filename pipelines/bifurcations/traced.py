@@ -46,6 +46,17 @@ class TracedCurve:
             np.arccos(np.clip(kappa, -1.0, 1.0)),
         )
 
+    def with_point(self, state: CurveState) -> TracedCurve:
+        """The curve and one point more."""
+        newest = TracedCurve.of([state])
+        pairs = zip(vars(self).values(), vars(newest).values(), strict=True)
+        return TracedCurve(*(np.concatenate(pair) for pair in pairs))
+
+    def without_last(self, count: int) -> TracedCurve:
+        """The curve without its last points."""
+        kept = max(0, len(self.arclength) - count)
+        return TracedCurve(*(part[:kept] for part in vars(self).values()))
+
     def holds(
         self,
         start: CurveStart,

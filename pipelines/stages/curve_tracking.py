@@ -269,14 +269,17 @@ def _follow(job: Job, start: Start, group: str, curve: BranchWriter, direction: 
     recorder = CurveRecorder(job.machine, problem, curve, thinnest, _teller(job, start, group))
     newest, names = curve.resume_row(), problem.names
     begin: CurveStart | CurveState = start.guess
+    own: TracedCurve | None = None
     if newest is not None:
-        first = job.read(group, ("state", "period", *names)).arrays
-        begin = resumed_state(newest, first, names)
+        rows = job.read(group, (*TRACED, "period", *names))
+        begin, own = resumed_state(newest, rows.arrays, names), traced(rows, names)
     else:
         job.tell(0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}")
     options = curve_options(job, direction)
     known = _traced_before(job, start, group)
-    result = continue_curve(problem, begin, options, recorder.record, recorder.limit, job.should_stop, known)
+    result = continue_curve(
+        problem, begin, options, recorder.record, recorder.limit, job.should_stop, known, own
+    )
     _end(curve, result)
 
 

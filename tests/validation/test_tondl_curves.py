@@ -18,6 +18,7 @@ from pipelines.bifurcations.curve import (
     CurvePoint,
     CurveResult,
     CurveStart,
+    CurveState,
     CurveStop,
     SpecialKind,
     SpecialPoint,
@@ -223,6 +224,24 @@ def test_oval_is_traced_once(direction: int) -> None:
         "R2",
         "R2",
     ]
+
+
+def test_a_curve_that_is_in_a_loop_ends_after_one_turn() -> None:
+    """The start is not on the loop: what looks like a curve that came into it from elsewhere."""
+    states: list[CurveState] = []
+    options = CurveOptions(EVERYWHERE, maximum_step=0.1, parameter_scales=SCALES, normal_form=None)
+
+    def record(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
+        states.append(state)
+
+    closed = continue_curve(problem("PD"), start_at("PD", 2.5), options, record)
+    assert closed.stop is CurveStop.CLOSED
+    once, elsewhere = len(states), states[2].start_parameters + 1.0
+    states = states[2:3]
+    going_on = replace(states[0], start_parameters=elsewhere)
+    again = continue_curve(problem("PD"), going_on, options, record)
+    assert (again.stop, again.message) == (CurveStop.TRACED, "it runs along itself")
+    assert abs(len(states) - once) <= 3
 
 
 def test_curves_are_joined_at_the_strong_resonances() -> None:
