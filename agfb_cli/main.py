@@ -23,6 +23,7 @@ from agfb_cli.commands import (
     track_curves,
     transient,
     validate,
+    verify,
 )
 
 BLAS_THREAD_VARIABLES = (
@@ -103,4 +104,5 @@ app.command("figures")(figures.figures)
 app.command("validate")(validate.validate)
 app.command("schema")(schema.schema)
 app.command("info")(info.info)
+app.command("verify")(verify.verify)
 app.command("doctor")(doctor.doctor)

@@ -1,0 +1,92 @@
+"""`agfb verify`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from agfb_cli.commands.stage import SECONDS_BEFORE_ANNOUNCEMENT
+from agfb_cli.console import Console
+from agfb_cli.errors import ExitCode, explained
+from agfb_cli.inputs import existing_store
+from agfb_cli.options import AsJson, Quiet, Store, Traceback, Verbose
+
+if TYPE_CHECKING:
+    from pipelines.stages.verify import Checked, Finding
+
+Sample = Annotated[
+    int,
+    typer.Option("--sample", metavar="N", min=0, help="Rows of each group to evaluate again; 0 for none."),
+]
+
+
+def verify(
+    store: Store,
+    sample: Sample = 3,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    json: AsJson = False,
+    traceback: Traceback = False,
+) -> None:
+    """Check that a store is whole and that its numbers solve the equations.
+
+    Every file that must exist is looked at, every chunk decoded and its checksum compared; then some rows of
+    each branch, curve and table of equilibria are put into the equations of the stored case again. Nothing is
+    changed. Exit code 4 when something is wrong.
+    """
+    console = Console(quiet, verbose, json, traceback)
+    with explained(console):
+        path = existing_store(store)
+        with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
+            from pipelines.stages.verify import verify as verify_store
+
+        findings, checked = verify_store(path, sample)
+        wrong = [finding for finding in findings if finding.severity == "error"]
+        if json:
+            console.json_data(as_data(findings, checked))
+        else:
+            show(findings, checked, console)
+        raise typer.Exit(ExitCode.STORE if wrong else ExitCode.DONE)
+
+
+def show(findings: list[Finding], checked: list[Checked], console: Console) -> None:
+    """A line for everything wrong on stdout, notes and advice on stderr, and how much was looked at."""
+    for finding in findings:
+        line = f"{finding.path}: {finding.problem}"
+        if finding.severity == "error":
+            console.data(line)
+            console.message(f"  {finding.advice}")
+        else:
+            console.detail(f"{line}; {finding.advice}")
+    wrong = sum(finding.severity == "error" for finding in findings)
+    worst = max((each.residual / each.tolerance for each in checked), default=None)
+    evaluated = f"{len(checked)} rows evaluated again" + (
+        f", largest residual {worst:.2g} of what is allowed" if worst is not None else ""
+    )
+    console.data(f"{'whole' if not wrong else f'{wrong} problems'}; {evaluated}")
+
+
+def as_data(findings: list[Finding], checked: list[Checked]) -> dict[str, Any]:
+    """Findings and residuals as plain data."""
+    return {
+        "findings": [
+            {
+                "path": str(finding.path),
+                "problem": finding.problem,
+                "advice": finding.advice,
+                "severity": finding.severity,
+            }
+            for finding in findings
+        ],
+        "residuals": [
+            {
+                "group": each.group,
+                "row": each.row,
+                "residual": each.residual,
+                "tolerance": each.tolerance,
+                "holds": each.holds,
+            }
+            for each in checked
+        ],
+    }
