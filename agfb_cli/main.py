@@ -20,6 +20,7 @@ from agfb_cli.commands import (
     report,
     run,
     schema,
+    status,
     track_curves,
     transient,
     validate,
@@ -104,5 +105,6 @@ app.command("figures")(figures.figures)
 app.command("validate")(validate.validate)
 app.command("schema")(schema.schema)
 app.command("info")(info.info)
+app.command("status")(status.status)
 app.command("verify")(verify.verify)
 app.command("doctor")(doctor.doctor)

@@ -104,6 +104,15 @@ def write_group(
         _publish(store, folder, kind, content)
 
 
+def has_ended(attributes: Mapping[str, Any], n_points: int, wanting_points: str, max_points: int) -> bool:
+    """Whether a branch has ended for good: not for want of points (stop reason ``wanting_points``) when more
+    are allowed now.
+    """
+    if attributes["status"] != ENDED:
+        return False
+    return bool(attributes["stop_reason"] != wanting_points or n_points >= max_points)
+
+
 def sizes_of(kind: str, arrays: Values) -> dict[str, int]:
     """Sizes of the dimensions of given arrays. Raises ValueError where two arrays disagree, KeyError for
     unknown arrays.
@@ -220,13 +229,8 @@ class BranchWriter:
         )
 
     def is_complete(self, wanting_points: str, max_points: int) -> bool:
-        """Whether it has ended for good: not for want of points (stop reason ``wanting_points``) when more
-        are allowed now.
-        """
-        if self.status != ENDED:
-            return False
-        reason = str(self._attributes["stop_reason"])
-        return reason != wanting_points or self.n_points >= max_points
+        """Whether it has ended for good (see `has_ended`)."""
+        return has_ended(self._attributes, self.n_points, wanting_points, max_points)
 
     def close(self) -> None:
         """Give the right to write back."""

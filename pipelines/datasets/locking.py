@@ -31,9 +31,14 @@ class GroupLock:
         names = sorted(path.stem for path in (store.parent / f".{store.name}.locks").glob("*.lock"))
         return ["" if name == "store" else name.replace("+", "/") for name in names]
 
+    @staticmethod
+    def file(store: Path, group: str) -> Path:
+        """The lock file of a group; its text is the process that holds the lock and its computer."""
+        return store.parent / f".{store.name}.locks" / ((group.replace("/", "+") or "store") + ".lock")
+
     def __init__(self, store: Path, group: str, *, wait: bool = False) -> None:
-        self.folder = store.parent / f".{store.name}.locks"
-        self.path = self.folder / ((group.replace("/", "+") or "store") + ".lock")
+        self.path = self.file(store, group)
+        self.folder = self.path.parent
         self.group = group
         self._file: FileIO | None = None
         self._acquire(wait)

@@ -25,7 +25,7 @@ from pipelines.orbits.equilibrium import MEAN_PHASE, at_rest, machine_equilibriu
 from pipelines.orbits.linear import at_speed
 from pipelines.stages.branch_run import BranchRequest, trace_branch
 from pipelines.stages.curve_rows import CONTAINERS
-from pipelines.stages.curve_tracking import curves_result, trace_all
+from pipelines.stages.curve_tracking import Untraced, curves_result, trace_all
 from pipelines.stages.cycle_start import first_hopf
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.results import Report, ShouldStop, StageResult
@@ -40,7 +40,6 @@ LARGEST_ORDER = 2  # of the principal resonances 2 Omega_j / n at which the firs
 APART = 0.02  # of the plane's width: resonances nearer to another line get none
 LINE_POINTS = 2000
 SPEEDS_TRIED = 49  # for the lowest speed with a film
-MOST_PASSES = 10  # through the kinds of curves: each joins curves of the pass before
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ def bifurcation_set(
         )  # fmt: skip
     search = case.case.bifurcation_set
     lines: list[Line] = []
-    _trace_curves(job)
+    trace_all(job, KINDS_OF_CURVE)
     complete = False
     for number in range(search.max_rounds):
         fresh = lines_of_round(job, number, lowest)
@@ -79,7 +78,7 @@ def bifurcation_set(
                 return _result(job, lines, complete)
             trace_branch(job, _request(job, line, len(lines), lowest))
             lines.append(line)
-            _trace_curves(job)
+            trace_all(job, KINDS_OF_CURVE)
         if should_stop():
             return _result(job, lines, complete)
         first = len(lines) - len(fresh)
@@ -197,18 +196,6 @@ def _request(job: Job, line: Line, index: int, lowest: float) -> BranchRequest:
     )
 
 
-def _trace_curves(job: Job) -> None:
-    """Curves of all kinds, until no kind joins another any more."""
-    for _ in range(MOST_PASSES):
-        before = job.groups(*CONTAINERS.values())
-        for kind in KINDS_OF_CURVE:
-            if job.should_stop():
-                return
-            trace_all(job, kind)
-        if job.groups(*CONTAINERS.values()) == before:
-            return
-
-
 def _new_curves(job: Job, index: int) -> int:
     """How many curves start from a line."""
     group = f"cycles/s{index:03d}"
@@ -283,7 +270,7 @@ def covered(lines: list[Line], complete: bool) -> str:
 
 def _result(job: Job, lines: list[Line], complete: bool) -> StageResult:
     """How the search ended: well when every curve is complete and the last lines met no new one."""
-    results = {CONTAINERS[kind]: curves_result(job, kind, 0, 0) for kind in KINDS_OF_CURVE}
+    results = {CONTAINERS[kind]: curves_result(job, kind, Untraced()) for kind in KINDS_OF_CURVE}
     summary: dict[str, Any] = {"lines": len(lines)}
     summary |= {f"{name} curves": result.summary["curves"] for name, result in results.items()}
     advice = [result.advice for result in results.values() if not result.ok]

@@ -8,8 +8,9 @@ not depend on interruptions, and a store with more branches gets more curves, ne
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ from pipelines.bifurcations.switching import curve_from_event, joined_curve
 from pipelines.bifurcations.traced import TracedCurve
 from pipelines.case.models import PARAMETERS
 from pipelines.case.reading import NamedCase
-from pipelines.datasets.branch import BranchWriter, open_branch
+from pipelines.datasets.branch import BranchWriter, has_ended, open_branch
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import parameter_vector
@@ -89,30 +90,80 @@ def track_curves(
     """
     stage = {"pd": "track-pd", "ns": "track-ns", "folds": "track-folds"}[CONTAINERS[kind]]
     job = Job.of(stage, case, store_path, report, should_stop)
-    return curves_result(job, kind, *trace_all(job, kind))
+    return curves_result(job, kind, trace_all(job, (kind,)))
 
 
-def trace_all(job: Job, kind: EventKind) -> tuple[int, int]:
-    """Trace every curve of a kind that the store's bifurcations start, and count those which started
-    nothing: outside the plane, beyond the largest number of curves.
+@dataclass(frozen=True)
+class Untraced:
+    """How many starts gave no curve: outside the plane, beyond the largest number of curves."""
+
+    outside: int = 0
+    refused: int = 0
+
+
+def trace_all(job: Job, kinds: Sequence[EventKind]) -> Untraced:
+    """Trace every curve of some kinds that the store's bifurcations start.
+
+    One curve after the other: what comes next follows from the store alone, so that a search that was
+    interrupted goes on as if it had not been.
     """
-    outside, refused, known = 0, 0, _curves(job, kind)
-    for start in _starts(job, kind):
-        if job.should_stop():
-            break
-        mine = [name for name, curve in known.items() if Origin.of(curve.attributes) == start.origin]
-        if not mine:
-            if not _is_inside(job, start):
-                outside += 1
-                continue
-            if any(_lies_on(job, start, curve) for curve in known.values()):
-                continue
-            if len(known) >= job.case.case.track_curves.max_curves:
-                refused += 1
-                continue
-        _trace_both_ways(job, kind, start, mine, len(known))
+    fates: dict[tuple[EventKind, Origin], _Fate] = {}
+    while not job.should_stop() and (found := _next_start(job, kinds, fates)) is not None:
+        _trace_both_ways(job, *found)
+    told = list(fates.values())
+    return Untraced(told.count(_Fate.OUTSIDE), told.count(_Fate.REFUSED))
+
+
+class _Fate(Enum):
+    """What a start comes to that has no curve of its own."""
+
+    OUTSIDE = 1
+    KNOWN = 2
+    REFUSED = 3
+
+
+def _next_start(
+    job: Job, kinds: Sequence[EventKind], fates: dict[tuple[EventKind, Origin], _Fate]
+) -> tuple[EventKind, Start, list[str], int] | None:
+    """A curve that was begun; else the first start, in the order of kinds and groups, on no curve yet.
+
+    With its kind, its groups and the number of curves of its kind; None when nothing is left.  ``fates``
+    remembers the starts that need not be looked at again.
+    """
+    fresh: tuple[EventKind, Start, list[str], int] | None = None
+    for kind in kinds:
         known = _curves(job, kind)
-    return outside, refused
+        origins = {name: Origin.of(curve.attributes) for name, curve in known.items()}
+        for start in _starts(job, kind):
+            mine = [name for name in known if origins[name] == start.origin]
+            if mine and not _is_finished(job, kind, start, mine):
+                return kind, start, mine, len(known)
+            if mine or fresh is not None or (kind, start.origin) in fates:
+                continue
+            fate = _fate(job, start, known)
+            if fate is None:
+                fresh = kind, start, mine, len(known)
+            else:
+                fates[kind, start.origin] = fate
+    return fresh
+
+
+def _fate(job: Job, start: Start, known: Mapping[str, Group]) -> _Fate | None:
+    if not _is_inside(job, start):
+        return _Fate.OUTSIDE
+    if any(_lies_on(job, start, curve) for curve in known.values()):
+        return _Fate.KNOWN
+    return _Fate.REFUSED if len(known) >= job.case.case.track_curves.max_curves else None
+
+
+def _is_finished(job: Job, kind: EventKind, start: Start, mine: list[str]) -> bool:
+    """Whether the curve of a start has ended in both directions, and not for want of points."""
+    most = job.case.case.track_curves.max_points
+    for group in mine:
+        curve = job.read(group, ())
+        if not has_ended(curve.attributes, curve.n_points, WANTING_POINTS, most):
+            return False
+    return len(mine) == len(BOTH_WAYS) or _is_whole(job, kind, start, mine[0])
 
 
 def _starts(job: Job, kind: EventKind) -> Iterator[Start]:
@@ -120,6 +171,8 @@ def _starts(job: Job, kind: EventKind) -> Iterator[Start]:
     flag = KINDS["cycles"].array("event_kind").flag(kind.name.lower())
     for group in job.groups("cycles"):
         branch = job.read(group, EVENT_NAMES)
+        if branch.attributes["status"] != ENDED:  # its later bifurcations would come too late
+            continue
         for index in range(branch.n_events):
             if branch["event_kind"][index] == flag and np.isfinite(branch["event_residual"][index]):
                 yield _start_at_event(job, branch, Origin(group, index))
@@ -139,6 +192,8 @@ def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
 def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) -> Iterator[Start]:
     """Curves of `kind` through the special points of a curve of another kind."""
     curve = job.read(group, SPECIAL_NAMES)
+    if curve.attributes["status"] != ENDED:
+        return
     turns = int(curve.attributes["turns"])
     for index in range(curve.n_events):
         if not np.isfinite(curve["event_residual"][index]):
@@ -333,12 +388,12 @@ def _end(curve: BranchWriter, result: CurveResult) -> None:
         curve.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))
 
 
-def curves_result(job: Job, kind: EventKind, outside: int, refused: int) -> StageResult:
+def curves_result(job: Job, kind: EventKind, untraced: Untraced) -> StageResult:
     """How the curves of a case ended: the case is well when all of them are complete."""
     curves = [job.read(group, ("event_kind",)) for group in job.groups(CONTAINERS[kind])]
     complete = {stop.name.lower() for stop in COMPLETE}
     ended = [curve for curve in curves if curve.attributes["status"] == ENDED]
-    ok = not refused and all(
+    ok = not untraced.refused and all(
         curve.attributes["stop_reason"] in complete and curve.n_points > 0 for curve in ended
     )
     specials: list[str] = []
@@ -346,13 +401,13 @@ def curves_result(job: Job, kind: EventKind, outside: int, refused: int) -> Stag
         specials += [label.replace("_", " ") for label in curve.labels("event_kind").tolist()]
     summary = {"curves": len(curves), "points": sum(curve.n_points for curve in curves)}
     summary |= {name: specials.count(name) for name in dict.fromkeys(specials)}
-    if outside:
-        summary["starts outside the plane"] = outside
+    if untraced.outside:
+        summary["starts outside the plane"] = untraced.outside
     reasons = [curve.attributes["stop_reason"] for curve in curves if curve.attributes["stop_reason"]]
     if job.should_stop():
         reasons.append("stopped on request")
     advice = [curve.attributes["stop_advice"] for curve in curves]
-    if refused:
-        advice.append(f"{refused} more curves were not traced: raise track_curves.max_curves")
+    if untraced.refused:
+        advice.append(f"{untraced.refused} more curves were not traced: raise track_curves.max_curves")
     reason = ", ".join(dict.fromkeys(reasons)) or f"no {kind.name.lower().replace('_', ' ')} to start from"
     return StageResult(job.case.case_id, ok, reason, "; ".join(dict.fromkeys(filter(None, advice))), summary)

@@ -1,0 +1,76 @@
+"""What another process sees of a store: running, interrupted, ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from agfb_cli.main import app
+from pipelines.datasets.branch import open_branch
+from pipelines.datasets.locking import GroupLock
+from pipelines.datasets.store import NotAStoreError, Store
+from pipelines.datasets.watching import watch
+from tests.helpers.synthetic import GROUP, LEAN, extend, open_or_create, static
+
+
+def test_an_ended_branch(finished: Path) -> None:
+    (state,) = watch(finished)
+    assert (state.group, state.state, state.stop_reason) == ("cycles/b000", "ended", "maximum_points")
+    assert (state.points, state.capacity, state.writer) == (20, 40, None)
+    metadata = finished / GROUP / "zarr.json"
+    (later,) = watch(finished, now=metadata.stat().st_mtime + 90.0)
+    assert later.age == pytest.approx(90.0)
+
+
+def test_a_branch_that_is_being_written_is_left_alone(store: Store) -> None:
+    with open_branch(store, GROUP, "cycles", LEAN, static(LEAN), {"parameter": "speed"}) as writer:
+        for points in (1, 4):
+            extend(writer, points)
+            (state,) = watch(store.path)
+            assert (state.state, state.points) == ("running", points)
+            assert state.writer == f"{os.getpid()} on {socket.gethostname()}"
+    (state,) = watch(store.path)
+    assert (state.state, state.points, state.writer) == ("interrupted", 4, None)
+
+
+def test_a_lock_left_by_a_killed_process(store: Store) -> None:
+    with open_branch(store, GROUP, "cycles", LEAN, static(LEAN), {"parameter": "speed"}) as writer:
+        extend(writer, 1)
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    lock = GroupLock.file(store.path, GROUP)
+    lock.parent.mkdir(exist_ok=True)
+    lock.write_text(f"{gone.pid} {socket.gethostname()}\n")
+    assert watch(store.path)[0].state == "interrupted"
+    lock.write_text(f"{gone.pid} elsewhere\n")
+    assert watch(store.path)[0].writer == f"{gone.pid} on elsewhere"
+
+
+def test_no_store(tmp_path: Path) -> None:
+    with pytest.raises(NotAStoreError):
+        watch(tmp_path)
+
+
+def test_the_command(store: Store) -> None:
+    runner = CliRunner()
+    with open_branch(store, GROUP, "cycles", LEAN, static(LEAN), {"parameter": "speed"}) as writer:
+        extend(writer, 3)
+        done = runner.invoke(app, ["status", str(store.path)])
+        assert done.exit_code == 0
+        assert "3 of at most 40" in done.stdout
+        assert "1 of 1 cases begun; groups: 1 running, 0 interrupted, 0 ended" in done.stdout
+        content = json.loads(runner.invoke(app, ["status", str(store.path), "--json"]).stdout)
+        assert content["groups"][0]["points"] == 3
+        writer.finish("range")
+    done = runner.invoke(app, ["status", str(store.path), "--watch", "0.1"])
+    assert done.exit_code == 0, "watching ends when nothing is written"
+    assert "0 running, 0 interrupted, 1 ended" in done.stdout
+    assert runner.invoke(app, ["status", str(store.path), "--case", "other"]).exit_code == 2
+    assert open_or_create(store.path, durable=False).has_group(GROUP)
