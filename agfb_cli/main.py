@@ -14,6 +14,7 @@ from agfb_cli.commands import (
     continue_tori,
     criticals,
     doctor,
+    export,
     figures,
     info,
     linearize,
@@ -106,5 +107,6 @@ app.command("validate")(validate.validate)
 app.command("schema")(schema.schema)
 app.command("info")(info.info)
 app.command("status")(status.status)
+app.command("export")(export.export)
 app.command("verify")(verify.verify)
 app.command("doctor")(doctor.doctor)

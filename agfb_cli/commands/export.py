@@ -1,0 +1,90 @@
+"""`agfb export`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from agfb_cli.cases import matching
+from agfb_cli.console import Console
+from agfb_cli.errors import UsageError, explained
+from agfb_cli.inputs import existing_store
+from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
+
+
+class FileFormat(StrEnum):
+    """What other programs read."""
+
+    csv = "csv"
+    netcdf = "netcdf"
+    mat = "mat"
+
+
+Folder = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FOLDER", help="Default: NAME-export beside the store NAME.zarr."),
+]
+Kind = Annotated[FileFormat, typer.Option("--format", help="Tables, netCDF 3 (needs xarray), or MATLAB.")]
+Full = Annotated[bool, typer.Option("--full", help="Also states, orbits and films, which are large.")]
+Overwrite = Annotated[bool, typer.Option("--force", help="Replace files that are there.")]
+
+
+def export(
+    store: Store,
+    output: Folder = None,
+    file_format: Kind = FileFormat.csv,
+    case: CasePattern = None,
+    full: Full = False,
+    force: Overwrite = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    json: AsJson = False,
+    traceback: Traceback = False,
+) -> None:
+    """Write a store as files for other programs.
+
+    Comma-separated tables (one per group and dimension, their columns explained in commented lines), netCDF
+    (one file per group) or MATLAB (one file per case). Every number keeps all its digits; units go along.
+    """
+    console = Console(quiet, verbose, json, traceback)
+    with explained(console):
+        path = existing_store(store)
+        folder = output or path.parent / f"{path.resolve().name.removesuffix('.zarr')}-export"
+        if file_format is FileFormat.netcdf:
+            require_xarray()
+        from pipelines.datasets.reading import list_cases
+        from pipelines.datasets.store import open_for_reading
+
+        opened = open_for_reading(path)
+        written = write(opened, matching(list_cases(opened), case), folder, file_format.value, full, force)
+        if json:
+            console.json_data({"store": str(path), "files": [str(each) for each in written]})
+        else:
+            for each in written:
+                console.data(str(each))
+
+
+def write(store: Any, cases: list[str], folder: Path, kind: Any, full: bool, force: bool) -> list[Path]:
+    """Export the cases; raises UsageError before anything is written where files would be replaced."""
+    from pipelines.datasets.exporting import export_case, planned_files
+
+    if not force:
+        planned = [path for case in cases for path in planned_files(store, case, folder, kind, full)]
+        taken = [path for path in planned if path.exists()]
+        if taken:
+            more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""
+            raise UsageError(
+                f"{taken[0]}{more}: there already", "replace with --force, or name another folder with -o"
+            )
+    return [path for case in cases for path in export_case(store, case, folder, kind, full)]
+
+
+def require_xarray() -> None:
+    """Raise UsageError where the optional package is missing."""
+    from importlib.util import find_spec
+
+    if find_spec("xarray") is None:
+        raise UsageError("netCDF files need xarray", "pip install 'agfb[export]', or choose csv or mat")

@@ -1,0 +1,167 @@
+"""Stores as files of other programs: comma-separated tables, netCDF, MATLAB.
+
+Only committed rows are exported.  Arrays with more than `WIDEST` numbers a row (states, orbits, film
+snapshots) are left out unless all are asked for.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Mapping
+from math import prod
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from pipelines.datasets.durable import replace_file
+from pipelines.datasets.reading import case_attributes, list_groups, read_group
+from pipelines.datasets.records import Group
+from pipelines.datasets.schema import KINDS, Array, ArraySpec
+from pipelines.datasets.store import Store
+
+WIDEST = 64
+Format = Literal["csv", "netcdf", "mat"]
+_OF_THE_STORE = ("dimensions", "arrays", "attributes_crc32c")  # and the first is a name in netCDF itself
+_LONGEST_NAME = 63  # of a variable of MATLAB
+
+
+def planned_files(store: Store, case: str, folder: Path, kind: Format, full: bool) -> list[Path]:
+    """The files that `export_case` writes."""
+    return [path for path, _ in _files(store, case, folder, kind, full)]
+
+
+def export_case(store: Store, case: str, folder: Path, kind: Format, full: bool) -> list[Path]:
+    """Write a case into a folder: one table for every group and leading dimension (csv), a file for every
+    group (netcdf), or one for the case (mat). Each file is complete or absent.
+
+    Raises StoreError, OSError, and ImportError without xarray (netcdf).
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for path, content in _files(store, case, folder, kind, full):
+        replace_file(path, content(), durable=False)
+        written.append(path)
+    return written
+
+
+def _files(store: Store, case: str, folder: Path, kind: Format, full: bool) -> Iterator[tuple[Path, Any]]:
+    """Names of files, and functions that give their bytes."""
+    if kind == "mat":
+        yield folder / f"{case}.mat", lambda: _mat(store, case, full)
+        return
+    for name in list_groups(store, case):
+        stem = f"{case}-{name.split('/', 2)[2].replace('/', '-')}"
+        group = read_group(store, name, _chosen(store, name, full))
+        if kind == "netcdf":
+            yield folder / f"{stem}.nc", lambda group=group: _netcdf(group)
+            continue
+        for dimension, arrays in _by_leading_dimension(group).items():
+            path = folder / f"{stem}-{dimension}.csv"
+            yield path, lambda group=group, arrays=arrays: _csv(group, arrays)
+
+
+def _chosen(store: Store, name: str, full: bool) -> tuple[str, ...]:
+    """The arrays of a group that are exported: nothing that serves only to go on."""
+    group = read_group(store, name, ())
+    sizes: Mapping[str, int] = group.attributes["dimensions"]
+    return tuple(
+        spec.name
+        for spec in KINDS[group.kind].arrays
+        if spec.name in group.attributes["arrays"]
+        and KINDS[group.kind].role(spec) != "slot"
+        and (full or prod(sizes[dimension] for dimension in spec.dimensions[1:]) <= WIDEST)
+    )
+
+
+def _spec(group: Group, name: str) -> ArraySpec:
+    return KINDS[group.kind].array(name)
+
+
+def _by_leading_dimension(group: Group) -> dict[str, list[str]]:
+    tables: dict[str, list[str]] = {}
+    for name in group.arrays:
+        tables.setdefault(_spec(group, name).dimensions[0], []).append(name)
+    return tables
+
+
+def _csv(group: Group, names: list[str]) -> bytes:
+    """A table with a commented line on every array; entries of arrays and parts of numbers are columns."""
+    text = io.StringIO(newline="")
+    columns: dict[str, Array] = {}
+    for name in names:
+        spec = _spec(group, name)
+        unit = "" if spec.flags else f" [{spec.units}]"
+        text.write(f"# {name}: {spec.long_name}{unit}\n")
+        columns |= _columns(name, group.labels(name))
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+    return text.getvalue().encode()
+
+
+def _columns(name: str, values: Array) -> dict[str, Array]:
+    """An array as columns: name[0,1] for its entries, .re and .im for complex numbers."""
+    flat = values.reshape(len(values), prod(values.shape[1:]))
+    columns: dict[str, Array] = {}
+    for number, index in enumerate(np.ndindex(values.shape[1:])):
+        label = name + (f"[{','.join(map(str, index))}]" if index else "")
+        if np.iscomplexobj(values):
+            columns[f"{label}.re"], columns[f"{label}.im"] = flat[:, number].real, flat[:, number].imag
+        else:
+            columns[label] = flat[:, number]
+    return columns
+
+
+def _netcdf(group: Group) -> bytes:
+    """netCDF 3, which has no complex numbers: NAME_real and NAME_imag."""
+    import xarray
+
+    dataset = xarray.Dataset(attrs=_plain(group.attributes))
+    for name, values in group.arrays.items():
+        spec = _spec(group, name)
+        told: dict[str, Any] = {"long_name": spec.long_name, "units": spec.units}
+        if spec.flags:
+            del told["units"]
+            told["flag_values"] = np.arange(-1, len(spec.flags), dtype=np.int8)
+            told["flag_meanings"] = " ".join(("unset", *spec.flags))
+        if np.iscomplexobj(values):
+            dataset[f"{name}_real"] = (spec.dimensions, values.real, told)
+            dataset[f"{name}_imag"] = (spec.dimensions, values.imag, told)
+        else:
+            dataset[name] = (spec.dimensions, values, told)
+    return bytes(dataset.to_netcdf(engine="scipy"))
+
+
+def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes that netCDF can hold: nested ones as JSON."""
+    simple = (str, int, float)
+    return {
+        name: value if isinstance(value, simple) and not isinstance(value, bool) else json.dumps(value)
+        for name, value in attributes.items()
+        if value is not None and name not in _OF_THE_STORE
+    }
+
+
+def _mat(store: Store, case: str, full: bool) -> bytes:
+    """One struct per group, named as the group, with its arrays, its attributes as JSON and its units."""
+    from scipy.io import savemat
+
+    content: dict[str, Any] = {"case_attributes": json.dumps(case_attributes(store, case))}
+    for name in list_groups(store, case):
+        group = read_group(store, name, _chosen(store, name, full))
+        struct: dict[str, Any] = {
+            array[:_LONGEST_NAME]: _for_matlab(group.labels(array)) for array in group.arrays
+        }
+        struct["units"] = {array[:_LONGEST_NAME]: _spec(group, array).units for array in group.arrays}
+        struct["attributes"] = json.dumps(dict(group.attributes))
+        content[name.split("/", 2)[2].replace("/", "_")] = struct
+    stream = io.BytesIO()
+    savemat(stream, content, long_field_names=True, do_compression=True)
+    return stream.getvalue()
+
+
+def _for_matlab(values: Array) -> Array:
+    return values.astype(object) if values.dtype.kind == "U" else values
