@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tests.benchmarks.arithmetic import solve_arithmetic
 from tests.benchmarks.brusselator import brusselator
+from tests.benchmarks.campaign import campaign
 from tests.benchmarks.cold_start import cold_start
 from tests.benchmarks.curves import curve_point
 from tests.benchmarks.cycles import branch_point, full_monodromy, growth, tangent_batch
@@ -29,6 +30,7 @@ ENTRIES: dict[str, Callable[[Settings], list[Measurement]]] = {
     "growth_exponent": growth,
     "curve_point_ratio": curve_point,
     "transient_steps_ratio": transient_steps,
+    "campaign_ratio": campaign,
     "peak_memory": peak_memory,
     "arithmetic": solve_arithmetic,
     "brusselator": brusselator,

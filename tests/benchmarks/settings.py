@@ -14,7 +14,8 @@ class Settings:
     ``walked_grids``: time per branch point from a short branch of ``branch_points`` points after the first;
     ``stepper_grids``: the default stepper against RK4; ``chains``: states of the reaction-diffusion chain,
     each followed for ``chain_points``; ``repetitions``: calls in a loop that measures a rate;
-    ``fresh_cache``: the cold start compiles all kernels.
+    ``campaign_cases`` branches of at most ``campaign_points`` points; ``fresh_cache``: the cold start
+    compiles all kernels.
     """
 
     default_grid: Grid = (40, 3)
@@ -30,6 +31,8 @@ class Settings:
     branch_points: int = 3
     chain_points: int = 8
     repetitions: int = 20_000
+    campaign_cases: int = 8
+    campaign_points: int = 30
     fresh_cache: bool = True
 
 
@@ -48,5 +51,7 @@ QUICK = Settings(
     branch_points=2,
     chain_points=2,
     repetitions=100,
+    campaign_cases=2,
+    campaign_points=2,
     fresh_cache=False,
 )

@@ -1,0 +1,62 @@
+"""Eight cases of the same cost: in one process, and on two workers."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from pipelines.case.reading import NamedCase, read_cases
+from pipelines.stages.campaign import Pool, run_campaign
+from pipelines.stages.preparation import prepare_store
+from pipelines.stages.results import Progress, StageResult
+from pipelines.stages.scheduling import run_stages
+from tests.benchmarks.measuring import Measurement
+from tests.benchmarks.settings import Settings
+
+SMOKE = Path(__file__).parents[2] / "configs/smoke.toml"
+STAGES = ("continue_cycles",)
+
+
+def campaign(settings: Settings) -> list[Measurement]:
+    """Wall-clock time on one process over that on two workers, whose start counts."""
+    count = settings.campaign_cases
+    displacements = np.linspace(0.19, 0.2, count).round(6).tolist()
+    overrides = (
+        f"sweep.excitation.displacement={displacements}",
+        f"continue_cycles.max_points={settings.campaign_points}",
+    )
+    cases = read_cases(SMOKE.read_text(), SMOKE.name, (*overrides, "continue_cycles.range=[0.4, 1.3]"))
+    alone = _seconds(cases, 0)
+    pair = _seconds(cases, 2)
+    told = f"{count} branches of equal cost on 24x2, wall clock: one process / two workers with their start"
+    return [Measurement("campaign_ratio", alone / pair, "1", told)]
+
+
+def _seconds(cases: tuple[NamedCase, ...], workers: int) -> float:
+    with tempfile.TemporaryDirectory() as folder:
+        store = Path(folder) / "a.zarr"
+        prepare_store(store, cases, ["benchmark"])
+        start = time.monotonic()
+        results = list(_run(cases, store, workers))
+        seconds = time.monotonic() - start
+        assert len(results) == len(cases), results
+        return seconds
+
+
+def _run(cases: tuple[NamedCase, ...], store: Path, workers: int) -> Iterator[tuple[str, StageResult]]:
+    if workers:
+        yield from run_campaign(STAGES, cases, store, Pool(workers), _ignore, _never)
+    else:
+        yield from run_stages(STAGES, cases, store, _ignore, _never)
+
+
+def _ignore(progress: Progress) -> None:
+    """Nobody watches."""
+
+
+def _never() -> bool:
+    return False
