@@ -25,6 +25,7 @@ NO_BIFURCATION = "none"
 UNSET = "unset"
 GRID = 201  # values of the other parameter at which the boundary is sought, beside those where it turns
 SLIVER = 1e-6  # of the width: parts narrower than this are gaps between curves that end in one point
+GAP = 1e-3  # of the width: narrower gaps between two lower parts are no range to operate in
 RESOLUTION = 1e-9  # of the width of the plane, to which the places are found where one boundary takes over
 SAMPLES_TRIED = 12  # stored cycles, nearest first, from which the stability at the lowest speed is carried
 
@@ -187,14 +188,25 @@ def lower_envelope(plane: SpeedPlane, grid: int = GRID, speeds: Sequence[float] 
     envelope = found[:1]
     for right in found[1:]:
         envelope += [*_between(plane, envelope[-1], right, apart), right]
-    return _without_slivers(envelope, SLIVER * (high - low))
+    return _without_slivers(envelope, high - low)
 
 
-def _without_slivers(envelope: Sequence[Boundary], narrowest: float) -> list[Boundary]:
-    """The boundaries of all parts wide enough: curves that meet in one point are stored with a gap there."""
+def _without_slivers(envelope: Sequence[Boundary], width: float) -> list[Boundary]:
+    """The boundaries of all parts wide enough: curves that meet in one point are stored with a gap there, the
+    wider the coarser their time steps.  A low part is kept however narrow it is.
+    """
     parts = [list(part) for _, part in groupby(envelope, key=lambda boundary: boundary.identity)]
-    wide = [part for part in parts if part[-1].abscissa - part[0].abscissa > narrowest]
-    return [boundary for part in wide for boundary in part]
+    kept = []
+    for number, part in enumerate(parts):
+        beside = [parts[n] for n in (number - 1, number + 1) if 0 <= n < len(parts)]
+        is_gap = len(beside) == 2 and all(_highest(part) > _highest(other) for other in beside)
+        if part[-1].abscissa - part[0].abscissa > (GAP if is_gap else SLIVER) * width:
+            kept += part
+    return kept
+
+
+def _highest(part: Sequence[Boundary]) -> float:
+    return max(boundary.speed for boundary in part)
 
 
 def _between(plane: SpeedPlane, left: Boundary, right: Boundary, apart: float) -> list[Boundary]:

@@ -168,10 +168,22 @@ def test_two_curves_that_cross_take_over_from_each_other() -> None:
     assert found.best.boundary.speed == pytest.approx(0.9, abs=1e-8)
 
 
-def test_curves_that_meet_in_one_point_leave_no_gap() -> None:
-    gap = 1e-8  # to which a resonance is located
+@pytest.mark.parametrize("gap", [1e-8, 8e-4])
+def test_curves_that_meet_in_one_point_leave_no_gap(gap: float) -> None:
+    """To which a resonance is located, and of which coarse time steps leave it."""
     found = ranged(curve("ns/c000", sloping, (0.2, 1.1 - gap)), curve("pd/c000", sloping, (1.1 + gap, 2.0)))
     assert [part.first.bifurcation for part in found.stretches()] == ["neimark_sacker", "period_doubling"]
+
+
+def test_a_narrow_tongue_is_a_boundary() -> None:
+    """Of the same width as a gap that is none."""
+    needle = curve("pd/c000", oval(1.1, 0.6, 8e-4, 0.2), (0.0, 2.0 * np.pi), 60)
+    parts = ranged(curve("ns/c000", sloping, (0.2, 2.0)), needle).stretches()
+    assert [part.first.bifurcation for part in parts] == [
+        "neimark_sacker",
+        "period_doubling",
+        "neimark_sacker",
+    ]
 
 
 HALF = float(np.sqrt(0.7 / 0.8))  # of the tongue at the bottom of the plane
