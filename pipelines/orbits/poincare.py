@@ -27,7 +27,7 @@ class Section:
 
 
 def phase_section(phase: Array, values: Array, offset: float = 0.0, degree: int = DEGREE) -> Section:
-    """``values`` (samples, ...) wherever the growing ``phase`` (samples,) [rad] is ``offset`` plus whole turns.
+    """``values`` (samples, ...) wherever the growing ``phase`` (samples,) [rad] is ``offset`` + whole turns.
 
     Raises ValueError for a phase that does not rise, for fewer samples than the polynomial needs, and where
     two samples are a turn or more apart.

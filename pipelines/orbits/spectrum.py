@@ -41,8 +41,8 @@ def amplitude_spectrum(values: Array, interval: float) -> Spectrum:
     window = signal.windows.flattop(len(values), sym=False)
     motion = values - np.average(values, axis=0, weights=window)  # so that no line lies at zero
     weighted = motion * window.reshape(-1, *[1] * (values.ndim - 1))
-    amplitude = 2.0 * np.abs(np.fft.rfft(weighted, axis=0)) / window.sum()
-    frequency: Array = 2.0 * np.pi * np.fft.rfftfreq(len(values), interval)
+    amplitude: Array = 2.0 * np.abs(np.fft.rfft(weighted, axis=0)) / window.sum()
+    frequency = np.arange(len(amplitude), dtype=np.float64) * (2.0 * np.pi / (len(values) * interval))
     return Spectrum(frequency, amplitude)
 
 
@@ -64,6 +64,8 @@ def waterfall(values: Array, interval: float, piece: int, hop: int) -> Waterfall
     # Slices whose piece lies wholly inside, counted as the transform does: the middle of piece p at p * hop.
     first = transform.lower_border_end[1]
     last = max(first + 1, transform.upper_border_begin(len(values))[1])
-    spectra = transform.stft_detrend(np.moveaxis(values, 0, -1), "constant", p0=first, p1=last)
-    amplitude = 2.0 * np.abs(np.moveaxis(spectra, (-1, -2), (0, 1)))
+    channels = values.reshape(len(values), -1).T
+    spectra = transform.stft_detrend(channels, "constant", p0=first, p1=last)
+    shape = (last - first, transform.f_pts, *values.shape[1:])
+    amplitude = 2.0 * np.abs(spectra).transpose(2, 1, 0).reshape(shape)
     return Waterfall(np.arange(first, last) * float(hop), 2.0 * np.pi * transform.f, amplitude)
