@@ -29,10 +29,14 @@ from pipelines.figures.linearization import draw_linearization
 from pipelines.figures.machine_drawing import draw_machine
 from pipelines.figures.multipliers import draw_multipliers
 from pipelines.figures.orbits import draw_film, draw_orbits
+from pipelines.figures.response_envelope import draw_envelope, draw_unbalance
+from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_spectrum, draw_waterfall
+from pipelines.figures.runs import RUN_ARRAYS, RunView
 from pipelines.figures.stability_map import PlaneView, draw_stability_map, same_plane
 
 Report = Callable[[str], None]
 
+RUNS = "transient_analysis"
 # Figure: kind of the group it is drawn from.
 FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
     {
@@ -46,6 +50,12 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "film": "cycles",
         "tree": "cycles",
         "stability": "curve",
+        "envelope": RUNS,
+        "unbalance": RUNS,
+        "waterfall": RUNS,
+        "spectrum": RUNS,
+        "poincare": RUNS,
+        "modal-energy": RUNS,
     }
 )
 # Figure: kinds of groups that add to it where the store has them.
@@ -53,6 +63,8 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
     {
         "bifurcation": ("refinement",),
         "stability": ("criticals", "bifurcation_set", "operating_range", "refinement"),
+        "envelope": ("transient", "cycles"),
+        **dict.fromkeys(("unbalance", "waterfall", "spectrum", "poincare", "modal-energy"), ("transient",)),
     }
 )
 CURVE_CONTAINERS = ("pd", "ns", "folds")
@@ -152,6 +164,7 @@ def _plans(
         *_branch_plans(view, branches),
         *_tree_plans(view, branches),
     ]
+    plans += _run_plans(view, _run_views(tables), list(branches.values()))
     curves = {name.split("/", 2)[2]: table for name, table in tables.items() if _kind(name) == "curve"}
     plans += _map_plans(view, curves, {_kind(name): table for name, table in tables.items()})
     order = list(FIGURE_KINDS)
@@ -170,7 +183,7 @@ def _is_search_line(group: str) -> bool:
 
 
 def _table(store: Store, name: str) -> Table:
-    group = read_group(store, name)
+    group = read_group(store, name, RUN_ARRAYS if _kind(name) == "transient" else None)
     return Table(group.labelled(), group.attributes)
 
 
@@ -258,6 +271,38 @@ def _map_plans(view: CaseView, curves: Mapping[str, Table], others: Mapping[str,
         started = any(len(curve["speed"]) for curve in inside.values())
         draw = partial(draw_stability_map, view, content) if started else _nothing_yet(view)
         plans.append(Plan("stability", stem, draw))
+    return plans
+
+
+def _run_views(tables: Mapping[str, Table]) -> list[RunView]:
+    """The runs in time that have ended, with their analysis."""
+    ended = {name: table for name, table in tables.items() if _kind(name) == RUNS}
+    samples = {name: name.replace(f"/{RUNS}/", "/transient/") for name in ended}
+    return [
+        RunView(name.rsplit("/", 1)[1], table, tables[samples[name]])
+        for name, table in ended.items()
+        if samples[name] in tables
+    ]
+
+
+def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table]) -> list[Plan]:
+    """Figures of every run in time, and one of all of them."""
+    kinds = {
+        "waterfall": draw_waterfall,
+        "spectrum": draw_spectrum,
+        "poincare": draw_poincare,
+        "modal-energy": draw_modal_energy,
+    }
+    plans = [
+        Plan(kind, f"{kind}-{run.name}", partial(draw, view, run))
+        for kind, draw in kinds.items()
+        for run in runs
+    ]
+    plans += [
+        Plan("envelope", f"envelope-{run.name}", partial(draw_envelope, view, run, branches)) for run in runs
+    ]
+    if len(runs) > 1:
+        plans.append(Plan("unbalance", "unbalance", partial(draw_unbalance, view, runs)))
     return plans
 
 

@@ -86,14 +86,19 @@ def write_transient_analysis(store: Store, machine: Machine, run: str) -> str:
     """Analyse an ended run, ``cases/CASE/transient/t000``, into the group of the same number in
     ``transient_analysis``, whose name is returned; a group that is there already is left alone.
 
-    The attribute ``skipped`` says what the run did not give and why. Raises StoreError.
+    The attribute ``skipped`` says what the run did not give and why, ``energy_joules`` is the unit of energy.
+    Raises StoreError.
     """
     target = run.replace("/transient/", f"/{KIND}/")
     if store.has_group(target):
         return target
     found = read_group(store, run, _NEEDED)
     arrays, skipped = analyse(samples_of(found), machine)
-    attributes = {"source": run.split("/", 2)[2], "skipped": skipped}
+    attributes = {
+        "source": run.split("/", 2)[2],
+        "skipped": skipped,
+        "energy_joules": machine.scales.force * machine.scales.displacement,
+    }
     write_group(store, target, KIND, arrays, attributes)
     return target
 
