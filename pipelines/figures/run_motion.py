@@ -48,7 +48,7 @@ def draw_waterfall(case: CaseView, run: RunView) -> Figure:
         axes.plot(run.needed("piece_speed"), along, color="white", linestyle="--", linewidth=0.9)
         if run.excitation_frequency is not None:
             axes.axvline(run.excitation_frequency, color="white", linestyle=":", linewidth=0.9)
-        axes.set(xlim=(0.0, frequency[-1]), ylim=(along[0], along[-1]))
+        axes.set(xlim=(0.0, _highest(frequency, amplitude, smallest)), ylim=(along[0], along[-1]))
         axes.set_xlabel(FREQUENCY_LABEL)
         axes.set_title(bearing_title(bearing))
         add_top(axes, case.scales.hertz, "frequency [Hz]")
@@ -58,6 +58,12 @@ def draw_waterfall(case: CaseView, run: RunView) -> Figure:
     bar = figure.colorbar(mesh, ax=list(panels), location="bottom", aspect=50, pad=0.02)
     bar.set_label(r"amplitude of $\bar{y}_j$ [–]; dashed: rotation, dotted: rings")
     return style.finish(figure, f"{case.name}: waterfall of {run.title}", case.note)
+
+
+def _highest(frequency: NDArray[np.float64], amplitude: NDArray[np.float64], smallest: float) -> float:
+    """A little above the highest frequency with an amplitude that is shown."""
+    seen = np.flatnonzero((amplitude > smallest).any(axis=(0, 2)))
+    return float(min(frequency[-1], 1.1 * frequency[seen[-1]]))
 
 
 @style.in_style
@@ -148,10 +154,10 @@ def _evidence(run: RunView) -> str:
     """The kind of motion and what it is told from."""
     if not run.motion or run.motion == "equilibrium":
         return run.motion or str(run.skipped.get("motion", "the motion is not known"))
-    returns = ", ".join(f"{value:.1e}" for value in run.analysis["return_distance"][0])
+    returns = ", ".join(f"{value:.2g}" for value in run.analysis["return_distance"][0])
     chaos = float(run.analysis["chaos"][0])
-    told = f"{run.motion}: returns after 1, 2, 4, 8 periods within {returns}"
-    return told + (f", 0–1 test {chaos:.2f}" if np.isfinite(chaos) else "")
+    told = run.motion + (f", 0–1 test {chaos:.2f}" if np.isfinite(chaos) else "")
+    return f"{told}\nreturns after 1, 2, 4, 8 periods: {returns}"
 
 
 @style.in_style

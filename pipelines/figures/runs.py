@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,22 @@ from pipelines.figures.axes import Scales, add_parameter_axis, add_top
 from pipelines.figures.contents import CaseView, MissingDataError, Table
 
 SAME_SPEED = 1e-9
+# Part of the analysis by the first word of its arrays.
+PARTS: Mapping[str, str] = MappingProxyType(
+    {
+        "window": "envelope",
+        "envelope": "envelope",
+        "mode": "modal_energy",
+        "kinetic": "modal_energy",
+        "strain": "modal_energy",
+        "ring": "ring_section",
+        "rotation": "rotation_section",
+        "frequency": "spectrum",
+        "spectrum": "spectrum",
+        "piece": "waterfall",
+        "waterfall": "waterfall",
+    }
+)
 RUN_ARRAYS = ("time", "speed", "journal", "ring_displacement")  # of the samples, which are many
 
 
@@ -45,8 +63,8 @@ class RunView:
         """An array of the analysis; raises MissingDataError with the stored reason where there is none."""
         if name in self.analysis:
             return self.analysis[name]
-        reasons = "; ".join(f"{part}: {why}" for part, why in self.skipped.items())
-        raise MissingDataError(f"the run {self.name} does not give {name!r} ({reasons})")
+        part = PARTS.get(name.split("_")[0], name)
+        raise MissingDataError(self.skipped.get(part, f"the array {name!r} is not in the store"))
 
     @property
     def skipped(self) -> dict[str, str]:

@@ -29,6 +29,8 @@ KIND = TRANSIENT_ANALYSIS.kind
 
 # Sizes stay bounded however long a run is.
 MOST_WINDOWS = 1000
+WINDOW_PERIODS = 4  # or fewer in a short run: several, so that beats of rings and rotation lie within
+WINDOWS_WANTED = 20
 MOST_SECTIONS = 8192  # the last ones
 MOST_SPECTRUM_SAMPLES = 2**15
 MOST_PIECES = 200
@@ -152,11 +154,12 @@ def analyse(samples: Samples, machine: Machine) -> tuple[Arrays, dict[str, str]]
 
 
 def _windows(samples: Samples) -> int:
-    """Samples in a window: those of a reference period, or more where there would be too many windows."""
-    window = max(samples.samples_per_period, -(-len(samples.time) // MOST_WINDOWS))
-    if len(samples.time) < window:
+    """Samples in a window: a few reference periods, more where there would be too many windows."""
+    periods = len(samples.time) // samples.samples_per_period
+    if periods < 1:
         raise TooShortError("the run is shorter than one reference period")
-    return window
+    window = samples.samples_per_period * min(WINDOW_PERIODS, max(1, periods // WINDOWS_WANTED))
+    return max(window, -(-len(samples.time) // MOST_WINDOWS))
 
 
 def _envelope(samples: Samples) -> Arrays:

@@ -40,17 +40,17 @@ def test_a_waterfall_follows_a_chirp():
     peaks = found.frequency[found.amplitude[:, :, 0].argmax(axis=1)]
     np.testing.assert_allclose(peaks, middle, atol=np.pi / 100.0 + 0.1 * rate * 1000 / 2)
     heights = found.amplitude.max(axis=1)
-    assert np.all((heights[:, 0] > 0.95 * 0.3) & (heights[:, 0] < 1.001 * 0.3))
+    assert np.all((heights[:, 0] > 0.96 * 0.3) & (heights[:, 0] < 1.001 * 0.3))
     np.testing.assert_allclose(heights[:, 1], 2.0 * heights[:, 0], rtol=1e-12)
 
 
-def test_pieces_lie_wholly_inside_and_their_means_do_not_count():
-    values = 7.0 + np.sin(2.0 * np.pi / 20.0 * np.arange(1000))
+def test_pieces_lie_wholly_inside_and_their_trends_do_not_count():
+    values = 7.0 + 1e-3 * np.arange(1000) + np.sin(2.0 * np.pi / 20.0 * np.arange(1000))
     found = waterfall(values, 1.0, 200, 50)
     assert found.place[0] - 100 >= 0
     assert found.place[-1] + 100 <= 1000
     assert len(found.place) == 17
-    assert found.amplitude[:, 0].max() < 1e-12
-    np.testing.assert_allclose(found.amplitude.max(axis=1), 1.0, rtol=1e-3)
+    assert found.amplitude[:, 0].max() < 1e-3  # 7 without its line
+    np.testing.assert_allclose(found.amplitude.max(axis=1), 1.0, rtol=1e-2)  # the line takes a little
     with pytest.raises(ValueError, match="a piece of 2000 samples"):
         waterfall(values, 1.0, 2000, 50)
