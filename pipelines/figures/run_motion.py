@@ -152,8 +152,10 @@ def _draw_orbit(axes: Axes, run: RunView, bearing: int) -> None:
 
 def _evidence(run: RunView) -> str:
     """The kind of motion and what it is told from."""
-    if not run.motion or run.motion == "equilibrium":
-        return run.motion or str(run.skipped.get("motion", "the motion is not known"))
+    if not run.motion:
+        return f"motion not judged: {run.skipped.get('motion', 'no reason stored')}"
+    if run.motion == "equilibrium":
+        return run.motion
     returns = ", ".join(f"{value:.2g}" for value in run.analysis["return_distance"][0])
     chaos = float(run.analysis["chaos"][0])
     told = run.motion + (f", 0–1 test {chaos:.2f}" if np.isfinite(chaos) else "")

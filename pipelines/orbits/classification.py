@@ -82,7 +82,7 @@ def classify(points: Array, orbit: Array, limits: Limits | None = None) -> Class
     returns = np.array([return_distance(points, period) for period in RETURNS]) / size
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1) / size
     chaos = chaos_test(points) if len(points) >= FEWEST_POINTS_OF_CHAOS else np.nan
-    growth = growth_rate(np.arange(len(steps), dtype=float), steps).rate if np.any(steps > 0.0) else np.nan
+    growth = _growth(steps)
     motion = _motion(returns, _trend(steps, limits), chaos, limits)
     reason = ""
     if motion is None:
@@ -91,6 +91,14 @@ def classify(points: Array, orbit: Array, limits: Limits | None = None) -> Class
             f"{FEWEST_POINTS_OF_CHAOS} periods of steady drive, there are {len(points)}"
         )
     return Classification(motion, reason, size, returns, growth, chaos)
+
+
+def _growth(steps: Array) -> float:
+    """Per period; NaN where nothing moves. The steps of an elliptic spiral beat: the weights fade out."""
+    if np.count_nonzero(steps) < 2:
+        return np.nan
+    weights = np.hanning(len(steps) + 2)[1:-1]
+    return growth_rate(np.arange(len(steps), dtype=float), steps, weights).rate
 
 
 def _motion(returns: Array, trend: int, chaos: float, limits: Limits) -> Motion | None:

@@ -41,16 +41,19 @@ class Growth:
     residual: float
 
 
-def growth_rate(time: Array, amplitude: Array) -> Growth:
+def growth_rate(time: Array, amplitude: Array, weights: Array | None = None) -> Growth:
     """Exponential growth of an amplitude (samples,) by least squares on its logarithm; negative: decay.
 
-    Values that are not positive are left out. Raises ValueError where fewer than two values are left.
+    Values that are not positive are left out. ``weights`` (samples,) that fade towards both ends keep an
+    amplitude that beats from changing the rate. Raises ValueError where fewer than two values are left.
     """
     positive = amplitude > 0.0
     if np.count_nonzero(positive) < 2:
         raise ValueError("a rate of growth needs two positive amplitudes")
     time, logarithm = time[positive], np.log(amplitude[positive])
-    centred = time - time.mean()
-    rate = float(centred @ logarithm / (centred @ centred))
-    left = logarithm - logarithm.mean() - rate * centred
-    return Growth(rate, float(np.sqrt(np.mean(left**2))))
+    weights = np.ones(len(time)) if weights is None else weights[positive]
+    weights = weights / weights.sum()
+    centred = time - weights @ time
+    rate = float(weights @ (centred * logarithm) / (weights @ centred**2))
+    left = logarithm - weights @ logarithm - rate * centred
+    return Growth(rate, float(np.sqrt(weights @ left**2)))

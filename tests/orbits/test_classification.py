@@ -55,6 +55,8 @@ def test_a_spiral_is_unsettled_and_tells_its_rate():
         found = classify(np.stack([points.real, points.imag], axis=1), ORBIT)
         assert found.motion is Motion.UNSETTLED
         assert found.growth == pytest.approx(growth, rel=1e-9)
+        flat = classify(np.stack([points.real, 0.2 * points.imag], axis=1), ORBIT)
+        assert flat.growth == pytest.approx(growth, rel=1e-3)  # steps of an ellipse beat
 
 
 def test_growth_is_seen_long_before_it_is_large():
