@@ -54,9 +54,11 @@ def run_up(store: Path, periods: int) -> float:
         "transient.samples_per_period=128",
     )
     worst = 0.0
-    for bearing, column in enumerate((3, 11)):  # y of the masters 2 and 12
-        high = np.interp(found["window_speed"], branch["speed"], branch["orbit_maximum"][:, column])
-        low = np.interp(found["window_speed"], branch["speed"], branch["orbit_minimum"][:, column])
+    half = 0.5 * np.diff(found["window_speed"])[0]
+    for bearing, column in enumerate((3, 11)):  # y of the masters 2 and 12, which rise with the speed
+        last, first = found["window_speed"] + half, found["window_speed"] - half
+        high = np.interp(last, branch["speed"], branch["orbit_maximum"][:, column])
+        low = np.interp(first, branch["speed"], branch["orbit_minimum"][:, column])
         apart = [
             np.abs(found["envelope_high"][:, bearing, 1] - high),
             np.abs(found["envelope_low"][:, bearing, 1] - low),
@@ -66,12 +68,10 @@ def run_up(store: Path, periods: int) -> float:
 
 
 def test_a_slow_run_up_follows_the_cycles(store: Path) -> None:
-    """The envelope lags behind in proportion to the acceleration, down to what the samples resolve: with
-    half the acceleration the difference shrinks half as much the second time as the first.
-    """
-    fast, slow, slowest = (run_up(store, periods) for periods in (40, 80, 160))
-    assert slowest < 0.01
-    assert (fast - slow) / (slow - slowest) == pytest.approx(2.0, rel=0.2)
+    """The envelope lags behind in proportion to the acceleration: half of it, half the difference."""
+    fast, slow = run_up(store, 80), run_up(store, 160)
+    assert slow < 0.002
+    assert fast / slow == pytest.approx(2.0, rel=0.1)  # the samples resolve 1e-4 of the width
 
 
 def rates(store: Path, speed: float, change: float, periods: int) -> tuple[Group, float]:
@@ -90,8 +90,10 @@ def rates(store: Path, speed: float, change: float, periods: int) -> tuple[Group
 
 
 def test_beyond_the_neimark_sacker_point_a_run_grows_as_the_multiplier_says(store: Path) -> None:
-    """From 1e-6 beside the unstable cycle; at the end still small enough to be linear within 1 %."""
-    found, rate = rates(store, 1.24, 1e-6, 120)
+    """From the cycle of a speed 1e-6 away; the rate is taken over the second half, when the next pair has
+    faded, and at the end the motion is still small enough to be linear.
+    """
+    found, rate = rates(store, 1.24, 1e-6, 160)
     assert rate > 0.002
     assert found["growth_rate"][0] == pytest.approx(rate, rel=0.01)
     assert found.labels("motion")[0] == "unsettled"
@@ -99,6 +101,7 @@ def test_beyond_the_neimark_sacker_point_a_run_grows_as_the_multiplier_says(stor
 
 
 def test_below_it_a_run_settles_as_the_multiplier_says(store: Path) -> None:
+    """The change of the speed by 1e-4 alone changes the rate by 0.13 %."""
     found, rate = rates(store, 1.1, 1e-4, 120)
     assert rate < -0.005
     assert found["growth_rate"][0] == pytest.approx(rate, rel=0.01)
