@@ -43,9 +43,9 @@ def figures(
     """Draw the figures of a store.
 
     Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bifurcation,
-    multipliers, orbits, film, tree, stability, tori, section. Branches of the search for bifurcations
-    (cycles/s000, ...) are drawn by none. Files are DIRECTORY/CASE/FIGURE.FORMAT; the same store always gives
-    the same bytes.
+    multipliers, orbits, film, tree, stability, tori, section; of runs in time: envelope, unbalance,
+    waterfall, spectrum, poincare, modal-energy. Branches of the search for bifurcations (cycles/s000, ...)
+    are drawn by none. Files are DIRECTORY/CASE/FIGURE.FORMAT; the same store always gives the same bytes.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):

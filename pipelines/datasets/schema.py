@@ -766,6 +766,91 @@ TRANSIENT = GroupSpec(
     event="checkpoint",
 )
 
+TRANSIENT_ANALYSIS = GroupSpec(
+    "transient_analysis",
+    "What a run in time tells: envelopes, sections, spectra, energies, kind of motion",
+    (
+        _real("window_time", "window", "time in the middle of the window, dimensionless"),
+        _real("window_speed", "window", "rotating speed in the middle of the window, dimensionless"),
+        _real(
+            "envelope_low",
+            "window bearing axis",
+            "smallest journal coordinate in the window, over the bearing's own clearance",
+        ),
+        _real(
+            "envelope_high",
+            "window bearing axis",
+            "largest journal coordinate in the window, over the bearing's own clearance",
+        ),
+        _real("mode_frequency", "mode", "frequency of the modes of the free condensed rotor at rest"),
+        _count("mode_multiplicity", "mode", "shapes of this frequency, which count together"),
+        _real("kinetic_energy", "window mode", "mean kinetic energy in the window, over p0 R L c"),
+        _real("strain_energy", "window mode", "mean strain energy in the window, over p0 R L c"),
+        _real("ring_section_time", "ring_section", "times at which the rings begin a period"),
+        _real("ring_section_speed", "ring_section", "rotating speed there, dimensionless"),
+        _real(
+            "ring_section_journal",
+            "ring_section bearing axis",
+            "journal centre there over the bearing's own clearance",
+        ),
+        _real("rotation_section_time", "rotation_section", "times at which the rotor begins a turn"),
+        _real("rotation_section_speed", "rotation_section", "rotating speed there, dimensionless"),
+        _real(
+            "rotation_section_journal",
+            "rotation_section bearing axis",
+            "journal centre there over the bearing's own clearance",
+        ),
+        _real("frequency", "frequency", "frequency of the spectrum, dimensionless"),
+        _real(
+            "spectrum",
+            "frequency bearing axis",
+            "amplitude of the journal at the steady end of the run, over the bearing's own clearance",
+        ),
+        _real("piece_time", "piece", "time in the middle of the piece, dimensionless"),
+        _real("piece_speed", "piece", "rotating speed in the middle of the piece, dimensionless"),
+        _real("piece_frequency", "piece_frequency", "frequency of the waterfall, dimensionless"),
+        _real(
+            "waterfall",
+            "piece piece_frequency bearing axis",
+            "amplitude of the journal in the piece, over the bearing's own clearance",
+        ),
+        _flag(
+            "motion",
+            "stretch",
+            "motion at the steady end of the run; periods count those of the section",
+            "equilibrium",
+            "period_1",
+            "period_2",
+            "period_4",
+            "period_8",
+            "quasi_periodic",
+            "chaotic",
+            "unsettled",
+        ),
+        _flag(
+            "section",
+            "stretch",
+            "what gives the points of the motion: rings, rotation, or the first journal rising through its "
+            "mean height where nothing drives the machine",
+            "ring",
+            "rotation",
+            "rising",
+        ),
+        _real("stretch_begin", "stretch", "time from which the motion is judged, dimensionless"),
+        _count("section_points", "stretch", "points of the motion"),
+        _real("section_period", "stretch", "mean time between two points, dimensionless"),
+        _real("orbit_size", "stretch", "half of the largest extent of a journal coordinate"),
+        _count("return_period", "return_period", "periods of the section after which points are compared"),
+        _real(
+            "return_distance",
+            "stretch return_period",
+            "root mean square distance of points so many periods apart, or any multiple, over the orbit size",
+        ),
+        _real("growth_rate", "stretch", "growth of the distance of successive points, per unit of time"),
+        _real("chaos", "stretch", "outcome of the 0-1 test: 0 regular, 1 chaotic"),
+    ),
+)
+
 OPERATING_RANGE = GroupSpec(
     "operating_range",
     "The bifurcation-free range of speeds over another parameter",
@@ -806,6 +891,7 @@ KINDS: Mapping[str, GroupSpec] = {
         BIFURCATION_SET,
         REFINEMENT,
         TRANSIENT,
+        TRANSIENT_ANALYSIS,
         OPERATING_RANGE,
     )
 }

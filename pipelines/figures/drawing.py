@@ -29,11 +29,15 @@ from pipelines.figures.linearization import draw_linearization
 from pipelines.figures.machine_drawing import draw_machine
 from pipelines.figures.multipliers import draw_multipliers
 from pipelines.figures.orbits import draw_film, draw_orbits
+from pipelines.figures.response_envelope import draw_envelope, draw_unbalance
+from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_spectrum, draw_waterfall
+from pipelines.figures.runs import RUN_ARRAYS, RunView
 from pipelines.figures.stability_map import PlaneView, draw_stability_map, same_plane
 from pipelines.figures.tori import draw_section, draw_tori, is_unbalanced
 
 Report = Callable[[str], None]
 
+RUNS = "transient_analysis"
 # Figure: kind of the group it is drawn from.
 FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
     {
@@ -49,6 +53,12 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "stability": "curve",
         "tori": "tori",
         "section": "tori",
+        "envelope": RUNS,
+        "unbalance": RUNS,
+        "waterfall": RUNS,
+        "spectrum": RUNS,
+        "poincare": RUNS,
+        "modal-energy": RUNS,
     }
 )
 # Figure: kinds of groups that add to it where the store has them.
@@ -57,6 +67,8 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
         "bifurcation": ("refinement",),
         "stability": ("criticals", "bifurcation_set", "operating_range", "refinement"),
         "tori": ("cycles",),
+        "envelope": ("transient", "cycles"),
+        **dict.fromkeys(("unbalance", "waterfall", "spectrum", "poincare", "modal-energy"), ("transient",)),
     }
 )
 CURVE_CONTAINERS = ("pd", "ns", "folds")
@@ -100,7 +112,8 @@ def draw_figures(
     written: list[Path] = []
     damaged: list[StoreError] = []
     for case in chosen:
-        for plan in _plans(opened, case, kinds or tuple(FIGURE_KINDS), tell, damaged):
+        # what a store lacks is told only to those who asked for it
+        for plan in _plans(opened, case, kinds or tuple(FIGURE_KINDS), tell, damaged, asked=bool(kinds)):
             try:
                 figure = plan.draw()
             except MissingDataError as missing:
@@ -124,10 +137,10 @@ def _refuse_unknown(what: str, given: Collection[str], allowed: Sequence[str]) -
 
 
 def _plans(
-    store: Store, case: str, kinds: Collection[str], tell: Report, damaged: list[StoreError]
+    store: Store, case: str, kinds: Collection[str], tell: Report, damaged: list[StoreError], *, asked: bool
 ) -> list[Plan]:
-    """The figures of a case, in the order of ``FIGURE_KINDS``; tells which groups are not there and collects
-    the errors of those that cannot be read.
+    """The figures of a case, in the order of ``FIGURE_KINDS``; tells which groups are not there, if ``asked``
+    for, and collects the errors of those that cannot be read.
     """
     try:
         groups = list_groups(store, case)
@@ -146,7 +159,7 @@ def _plans(
             tell(f"{name} is left out: {error.message}")
             damaged.append(error)
     held = {_kind(name) for name in wanted}
-    for kind in (kind for kind in FIGURE_KINDS if kind in kinds and FIGURE_KINDS[kind] not in held):
+    for kind in (kind for kind in FIGURE_KINDS if asked and kind in kinds and FIGURE_KINDS[kind] not in held):
         tell(f"{case}: {kind} is left out: the store has no group {FIGURE_KINDS[kind]!r} for this case")
     plans = [plan for name, table in tables.items() for plan in _single_plans(view, _kind(name), table)]
     branches = {name.rsplit("/", 1)[1]: table for name, table in tables.items() if _kind(name) == "cycles"}
@@ -156,6 +169,7 @@ def _plans(
         *_branch_plans(view, branches),
         *_tree_plans(view, branches),
     ]
+    plans += _run_plans(view, _run_views(tables), list(branches.values()))
     curves = {name.split("/", 2)[2]: table for name, table in tables.items() if _kind(name) == "curve"}
     plans += _map_plans(view, curves, {_kind(name): table for name, table in tables.items()})
     tori = {name.rsplit("/", 1)[1]: table for name, table in tables.items() if _kind(name) == "tori"}
@@ -176,7 +190,7 @@ def _is_search_line(group: str) -> bool:
 
 
 def _table(store: Store, name: str) -> Table:
-    group = read_group(store, name)
+    group = read_group(store, name, RUN_ARRAYS if _kind(name) == "transient" else None)
     return Table(group.labelled(), group.attributes)
 
 
@@ -284,6 +298,38 @@ def _map_plans(view: CaseView, curves: Mapping[str, Table], others: Mapping[str,
         started = any(len(curve["speed"]) for curve in inside.values())
         draw = partial(draw_stability_map, view, content) if started else _nothing_yet(view)
         plans.append(Plan("stability", stem, draw))
+    return plans
+
+
+def _run_views(tables: Mapping[str, Table]) -> list[RunView]:
+    """The runs in time that have ended, with their analysis."""
+    ended = {name: table for name, table in tables.items() if _kind(name) == RUNS}
+    samples = {name: name.replace(f"/{RUNS}/", "/transient/") for name in ended}
+    return [
+        RunView(name.rsplit("/", 1)[1], table, tables[samples[name]])
+        for name, table in ended.items()
+        if samples[name] in tables
+    ]
+
+
+def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table]) -> list[Plan]:
+    """Figures of every run in time, and one of all of them."""
+    kinds = {
+        "waterfall": draw_waterfall,
+        "spectrum": draw_spectrum,
+        "poincare": draw_poincare,
+        "modal-energy": draw_modal_energy,
+    }
+    plans = [
+        Plan(kind, f"{kind}-{run.name}", partial(draw, view, run))
+        for kind, draw in kinds.items()
+        for run in runs
+    ]
+    plans += [
+        Plan("envelope", f"envelope-{run.name}", partial(draw_envelope, view, run, branches)) for run in runs
+    ]
+    if len(runs) > 1:
+        plans.append(Plan("unbalance", "unbalance", partial(draw_unbalance, view, runs)))
     return plans
 
 

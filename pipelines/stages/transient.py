@@ -19,6 +19,7 @@ from pipelines.machine.extremes import FILM, HIGH_FOIL, HIGH_PRESSURE, LOW_FOIL,
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.transient import Block, Position, Status, advance, starting_position
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.stages.transient_analysis import write_transient_analysis
 from pipelines.stages.transient_run import Outlook, Run, outlook_of, prepare_run
 from pipelines.stages.transient_start import CannotRunError
 
@@ -64,7 +65,8 @@ COMPLETE = frozenset({RunStop.FINISHED.word, RunStop.TOUCH.word, RunStop.VACUUM.
 
 def transient(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill a group ``transient/t000``, ... of a case: the one whose tables [transient] and [unbalance] are
-    these, or the next free one; resumes at the last checkpoint.
+    these, or the next free one; resumes at the last checkpoint. What an ended run tells is written beside it,
+    into ``transient_analysis``.
     """
     store = open_for_writing(store_path)
     try:
@@ -75,6 +77,9 @@ def transient(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
     with open_branch(store, run.group, "transient", sizes, static, run.attributes) as branch:
         if branch.status != ENDED:
             _follow(run, branch, case.case_id, report, should_stop)
+        ended = branch.status == ENDED
+    if ended:
+        write_transient_analysis(store, run.machine, run.group)
     return _result(case, store, run.group)
 
 

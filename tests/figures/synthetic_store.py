@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from pipelines.datasets.branch import open_branch, write_group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, create_store
+from tests.figures.synthetic_runs import write_runs
 from tests.helpers.curves import Path2, curve_rows, oval, write_curve, write_set
 
 Arrays = dict[str, NDArray[Any]]
 
 MASTERS = np.array([0, 2, 4, 7, 10, 12, 14])
-PARTS = ("machine", "linear", "criticals", "cycles", "doubled", "curves", "set", "tori")
+PARTS = ("machine", "linear", "criticals", "cycles", "doubled", "curves", "set", "tori", "runs")
 SAMPLES, SNAPSHOTS, THETAS, STATES, MULTIPLIERS = 64, 8, 41, 40, 12
 TORUS_ANGLES = 33
 
@@ -40,6 +41,7 @@ def machine(hollow: bool = False) -> Arrays:
         "bearing_node": np.array([2, 12]),
         "bearing_length": np.array([0.0161, 0.0161]),
         "bearing_radius": np.array([0.014, 0.014]),
+        "bearing_clearance": np.array([20.4e-6, 20.4e-6]),
         "master_node": MASTERS,
         "support_node": np.array([7]) if hollow else np.zeros(0, dtype=int),
     }
@@ -273,6 +275,8 @@ def make_store(path: Path, points: int = 40, *, parts: tuple[str, ...] = PARTS, 
         write_tori(store, min(points, 12))
     if "set" in parts:
         write_set(store, "kb10")
+    if "runs" in parts:
+        write_runs(store, "kb10")
     return store
 
 

@@ -1,0 +1,178 @@
+"""Envelopes of runs in time: over the branch of stored cycles, and of several unbalances together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from pipelines.figures import style
+from pipelines.figures.axes import add_right, limits
+from pipelines.figures.bifurcation_diagram import EVENT_MARKS, event_looks, event_names, runs, thread_events
+from pipelines.figures.contents import CaseView, MissingDataError, Table, excitation_periods
+from pipelines.figures.runs import AXIS_LABELS, RunView, bearing_title, clearances, label_along
+
+VERTICAL = 1
+LEADING = 4  # moduli drawn
+SAME_PARAMETER = 1e-9
+UNSTABLE = (0, (3.5, 1.8))
+
+
+def comparable(run: RunView, branches: Sequence[Table]) -> list[Table]:
+    """Branches along the speed whose other parameters are those of the run while its rings move."""
+    _, frequency, displacement, stiffness = run.run.attributes["parameters"]
+    own = {"excitation_frequency": frequency, "displacement": displacement, "foil_stiffness": stiffness}
+    moves = run.excitation_frequency is not None
+    if not moves:
+        own = {"displacement": 0.0, "foil_stiffness": stiffness}
+    return [
+        branch
+        for branch in branches
+        if branch.attributes.get("parameter") == "speed"
+        and excitation_periods(branch) == 1
+        and len(branch["speed"])
+        and all(
+            np.allclose(branch[name], value, rtol=SAME_PARAMETER, atol=0.0) for name, value in own.items()
+        )
+    ]
+
+
+@style.in_style
+def draw_envelope(case: CaseView, run: RunView, branches: Sequence[Table]) -> Figure:
+    """Vertical envelope of a run in each bearing; below the envelope of the stored cycles with the same
+    parameters and the moduli of their leading multipliers (the paper's Fig. 4).
+    """
+    cycles = comparable(run, branches) if run.over_speed else []
+    rows = case.bearings + (1 if cycles else 0)
+    figure = style.new_figure(1.3 + 2.1 * rows)
+    panels = np.atleast_1d(figure.subplots(rows, 1, sharex=True))
+    for bearing in range(case.bearings):
+        axes = panels[bearing]
+        values = [*_draw_run(axes, run, bearing, style.SKY, 0.55)]
+        values += [value for branch in cycles for value in _draw_cycles(axes, case, branch, bearing)]
+        axes.set_ylim(*limits(np.concatenate(values), 0.08))
+        axes.set(ylabel=AXIS_LABELS[VERTICAL], title=bearing_title(bearing))
+        add_right(axes, float(clearances(case)[bearing]), "vertical [µm]")
+    if cycles:
+        _draw_moduli(panels[-1], cycles)
+    panels[0].set_xlim(*limits(run.along("window"), 0.01))
+    label_along(panels[0], run.over_speed, case.scales, bottom=False)
+    label_along(panels[-1], run.over_speed, case.scales, top=False)
+    style.legend_below(figure, _legend(cycles), 4)
+    return style.finish(figure, f"{case.name}: envelope of {run.title}", case.note)
+
+
+def _draw_run(
+    axes: Axes, run: RunView, bearing: int, colour: str, alpha: float, label: str = ""
+) -> tuple[NDArray[np.float64], ...]:
+    """The filled envelope between two lines; gives both."""
+    along = run.along("window")
+    low = run.needed("envelope_low")[:, bearing, VERTICAL]
+    high = run.needed("envelope_high")[:, bearing, VERTICAL]
+    axes.fill_between(along, low, high, color=colour, alpha=alpha, linewidth=0.0, label=label)
+    for edge in (low, high):
+        axes.plot(along, edge, color=colour, linewidth=0.9)
+    return low, high
+
+
+def _draw_cycles(axes: Axes, case: CaseView, branch: Table, bearing: int) -> list[NDArray[np.float64]]:
+    """Envelope of the cycles in clearances of the bearing, dashed where they are unstable."""
+    column = case.journal_coordinates(bearing)[VERTICAL]
+    ratio = clearances(case)[bearing] / clearances(case)[0]
+    values = np.column_stack([branch["orbit_maximum"][:, column], branch["orbit_minimum"][:, column]]) / ratio
+    curve = thread_events(branch, "speed", values)
+    for edge in curve.values.T:
+        for start, stop in runs(curve.stable):
+            line = "-" if curve.stable[start] else UNSTABLE
+            axes.plot(
+                curve.parameter[start : stop + 1], edge[start : stop + 1], color=style.BLACK, linestyle=line
+            )
+        for row, look in zip(curve.event_rows, event_looks(branch), strict=True):
+            axes.plot(curve.parameter[row], edge[row], zorder=5, **look)
+    return list(curve.values.T)
+
+
+def _draw_moduli(axes: Axes, branches: Sequence[Table]) -> None:
+    """Moduli of the leading multipliers of the cycles."""
+    highest = 1.0
+    for branch in branches:
+        moduli = -np.sort(-np.abs(branch["multipliers"]), axis=1)[:, :LEADING]  # NaN stays last
+        highest = max(highest, float(np.nanmax(moduli)))
+        axes.plot(branch["speed"], moduli, color=style.BLACK, marker="o", markersize=2.2, linewidth=0.8)
+        for kind, look, speed in zip(
+            event_names(branch), event_looks(branch), branch.optional("event_speed"), strict=True
+        ):
+            axes.axvline(float(speed), color=EVENT_MARKS[kind].colour, linewidth=1.0, linestyle=":")
+            axes.plot(float(speed), 1.0, zorder=5, **look)
+    axes.axhline(1.0, color="#333333", linewidth=0.9)
+    lowest = min(float(np.nanmin(np.nanmax(np.abs(branch["multipliers"]), axis=1))) for branch in branches)
+    axes.set_ylim(max(0.0, lowest - 0.25), highest + 0.04)
+    axes.set(ylabel=r"$|\mu|$", title=f"{LEADING} largest Floquet multipliers of the cycles")
+
+
+def _legend(cycles: Sequence[Table]) -> list[Patch | Line2D]:
+    handles: list[Patch | Line2D] = [Patch(color=style.SKY, alpha=0.55, label="time integration")]
+    if not cycles:
+        return handles
+    handles += [
+        Line2D([], [], color=style.BLACK, linestyle="-", label="cycles, stable"),
+        Line2D([], [], color=style.BLACK, linestyle=UNSTABLE, label="cycles, unstable"),
+    ]
+    present = {kind for branch in cycles for kind in event_names(branch)}
+    return handles + [
+        Line2D([], [], label=mark.label, **mark.look())
+        for kind, mark in EVENT_MARKS.items()
+        if kind in present
+    ]
+
+
+def together(views: Sequence[RunView]) -> list[RunView]:
+    """Runs to be drawn over each other: those over the speed, or those over time where these are more.
+
+    Raises MissingDataError for fewer than two.
+    """
+    over_speed = [view for view in views if view.over_speed]
+    over_time = [view for view in views if not view.over_speed]
+    chosen = over_time if len(over_time) > len(over_speed) else over_speed
+    if len(chosen) < 2:
+        raise MissingDataError("it needs two runs over the speed, or two over time")
+    return chosen
+
+
+@style.in_style
+def draw_unbalance(case: CaseView, views: Sequence[RunView]) -> Figure:
+    """Vertical envelopes of several runs over each other, called by their unbalance (the paper's Fig. 6)."""
+    chosen = together(views)
+    # the widest first, so that the others stay visible on it
+    chosen.sort(key=lambda view: -float(np.ptp(view.run["journal"][..., VERTICAL])))
+    figure = style.new_figure(1.3 + 2.3 * case.bearings)
+    panels = np.atleast_1d(figure.subplots(case.bearings, 1, sharex=True))
+    labels = _labels(chosen)
+    for bearing in range(case.bearings):
+        axes = panels[bearing]
+        values: list[NDArray[np.float64]] = []
+        for number, (view, label) in enumerate(zip(chosen, labels, strict=True)):
+            values += _draw_run(axes, view, bearing, style.CYCLE[number % len(style.CYCLE)], 0.3, label)
+        axes.set_ylim(*limits(np.concatenate(values), 0.08))
+        axes.set(ylabel=AXIS_LABELS[VERTICAL], title=bearing_title(bearing))
+        add_right(axes, float(clearances(case)[bearing]), "vertical [µm]")
+    over_speed = chosen[0].over_speed
+    panels[0].set_xlim(*limits(np.concatenate([view.along("window") for view in chosen]), 0.01))
+    label_along(panels[0], over_speed, case.scales, bottom=False)
+    label_along(panels[-1], over_speed, case.scales, top=False)
+    style.legend_below(figure, panels[0].get_legend_handles_labels()[0], 4)
+    return style.finish(figure, f"{case.name}: envelopes of {len(chosen)} runs by their unbalance", case.note)
+
+
+def _labels(views: Sequence[RunView]) -> list[str]:
+    """The unbalance; with more where several runs share it."""
+    plain = [view.unbalance + ("" if view.excitation_frequency else ", rings at rest") for view in views]
+    return [
+        label if plain.count(label) == 1 else f"{label}, {view.speed_text} ({view.name})"
+        for label, view in zip(plain, views, strict=True)
+    ]
