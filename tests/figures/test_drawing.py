@@ -88,10 +88,15 @@ def test_a_growing_branch_is_drawn_from_its_first_point_on(synthetic, tmp_path):
 def test_missing_groups_and_arrays_are_reported(synthetic, tmp_path):
     synthetic.make_store(tmp_path / "store", 3, parts=("machine",))
     said = []
-    written = draw_figures(tmp_path / "store", tmp_path / "figures", report=said.append)
+    written = draw_figures(
+        tmp_path / "store", tmp_path / "figures", kinds=tuple(FIGURE_KINDS), report=said.append
+    )
     assert [path.name for path in written] == ["machine.png"]
     assert len(said) == len(FIGURE_KINDS) - 1
     assert any(s.startswith("kb10: bifurcation is left out: the store has no group 'cycles'") for s in said)
+    said.clear()
+    assert len(draw_figures(tmp_path / "store", tmp_path / "figures", report=said.append)) == 1
+    assert said == [], "nobody asked for the others"
 
 
 def test_a_damaged_group_costs_its_own_figures_only(synthetic, tmp_path):
