@@ -35,7 +35,8 @@ HELP = """Time integration with unbalance, run-up and coast-down.
 
 Constant or changing speed, the unbalance of the table unbalance, excitation on, off or switched; from an
 equilibrium, a stored cycle or a checkpoint of an earlier run. Samples and full states are committed block by
-block; an interrupted run goes on from its last checkpoint. Writes cases/CASE/transient/t000 into the store;
+block; an interrupted run goes on from its last checkpoint. Writes cases/CASE/transient/t000 into the store
+and, when the run has ended, what it tells (envelopes, spectra, kind of motion) into transient_analysis/t000;
 other tables transient or unbalance make the next run, t001.
 """
 

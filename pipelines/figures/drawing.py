@@ -158,9 +158,8 @@ def _plans(
         except StoreError as error:
             tell(f"{name} is left out: {error.message}")
             damaged.append(error)
-    held = {_kind(name) for name in wanted}
-    for kind in (kind for kind in FIGURE_KINDS if asked and kind in kinds and FIGURE_KINDS[kind] not in held):
-        tell(f"{case}: {kind} is left out: the store has no group {FIGURE_KINDS[kind]!r} for this case")
+    if asked:
+        _tell_missing(case, kinds, {_kind(name) for name in wanted}, tell)
     plans = [plan for name, table in tables.items() for plan in _single_plans(view, _kind(name), table)]
     branches = {name.rsplit("/", 1)[1]: table for name, table in tables.items() if _kind(name) == "cycles"}
     refinement = tables.get(f"cases/{case}/refinement")
@@ -176,6 +175,17 @@ def _plans(
     plans += _torus_plans(view, tori, branches)
     order = list(FIGURE_KINDS)
     return sorted((plan for plan in plans if plan.kind in kinds), key=lambda plan: order.index(plan.kind))
+
+
+def _tell_missing(case: str, kinds: Collection[str], held: Collection[str], tell: Report) -> None:
+    """Say once for every kind of group that is not there which figures it costs."""
+    missing: dict[str, list[str]] = {}
+    for kind, group in FIGURE_KINDS.items():
+        if kind in kinds and group not in held:
+            missing.setdefault(group, []).append(kind)
+    for group, figures in missing.items():
+        left = f"{', '.join(figures)} {'are' if len(figures) > 1 else 'is'} left out"
+        tell(f"{case}: {left}: the store has no group {group!r} for this case")
 
 
 def _kind(group: str) -> str:

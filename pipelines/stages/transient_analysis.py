@@ -162,6 +162,14 @@ def _windows(samples: Samples) -> int:
     return max(window, -(-len(samples.time) // MOST_WINDOWS))
 
 
+def _need_resolution(samples: Samples) -> None:
+    if samples.samples_per_period < FEWEST_SAMPLES_PER_TURN:
+        raise TooShortError(
+            f"{FEWEST_SAMPLES_PER_TURN} samples per reference period are needed: raise "
+            "transient.samples_per_period"
+        )
+
+
 def _envelope(samples: Samples) -> Arrays:
     window = _windows(samples)
     found = windowed_envelope(samples.journal, window)
@@ -179,8 +187,7 @@ def _energies(samples: Samples, machine: Machine) -> Arrays:
     motion.
     """
     window = _windows(samples)
-    if samples.samples_per_period < FEWEST_SAMPLES_PER_TURN:
-        raise TooShortError(f"velocities need {FEWEST_SAMPLES_PER_TURN} samples per reference period")
+    _need_resolution(samples)
     scales = machine.scales
     rotor = machine.condensed.scaled(scales.time, scales.displacement, scales.force)
     modes = rotor_modes(rotor.mass, rotor.stiffness)
@@ -236,6 +243,7 @@ def _steady_end(samples: Samples, periods: int) -> int:
 
 
 def _spectrum(samples: Samples) -> Arrays:
+    _need_resolution(samples)
     begin = _steady_end(samples, SPECTRUM_PERIODS)
     motion = samples.journal[max(begin, len(samples.time) - MOST_SPECTRUM_SAMPLES) :]
     found = amplitude_spectrum(motion, samples.interval)
@@ -244,6 +252,7 @@ def _spectrum(samples: Samples) -> Arrays:
 
 
 def _waterfall(samples: Samples) -> Arrays:
+    _need_resolution(samples)
     count, piece = len(samples.time), PIECE_PERIODS * samples.samples_per_period
     if count < FEWEST_PIECES * piece:
         raise TooShortError(
@@ -264,6 +273,7 @@ def _waterfall(samples: Samples) -> Arrays:
 
 def _motion(samples: Samples) -> Arrays:
     """Kind of motion at the steady end with its evidence; the points are those of what drives the machine."""
+    _need_resolution(samples)
     newest = len(samples.time) - MOST_POINTS * samples.samples_per_period
     begin = max(_steady_end(samples, 1), newest)
     journal = samples.journal.reshape(len(samples.time), -1)[begin:]

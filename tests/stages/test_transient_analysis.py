@@ -13,7 +13,8 @@ from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import TRANSIENT_ANALYSIS
 from pipelines.datasets.store import open_for_reading
-from pipelines.machine.assembly import build_machine
+from pipelines.machine.assembly import build_machine, parameter_vector
+from pipelines.orbits.equilibrium import machine_equilibrium
 from pipelines.orbits.modal_energy import modal_energy, rotor_modes, sampled_velocity
 from pipelines.stages import transient_analysis
 from tests.helpers.tiny import Watched, tiny_case
@@ -169,6 +170,43 @@ def test_a_passive_machine_at_rest_is_in_equilibrium(tmp_path):
     assert found.labels("motion")[0] == "equilibrium"
     assert found.labels("section")[0] == "rising"
     assert found["orbit_size"][0] < 1e-6
+
+
+def test_an_unbalance_alone_is_judged_once_per_turn(tmp_path):
+    found = run(
+        tmp_path / "run.zarr", 100.0, "transient.excitation=off", "operation.speed=0.9",
+        "unbalance.grade=1.0", "unbalance.rated_speed=0.9",
+    )  # fmt: skip
+    assert found.labels("section")[0] == "rotation"
+    assert found.labels("motion")[0] == "period_1"
+    assert found["section_period"][0] == pytest.approx(2.0 * np.pi / 0.9, rel=1e-12)
+
+
+def test_a_whirl_without_drive_is_judged_by_its_own_return(tmp_path):
+    """Just below the instability of the passive machine, pushed by rings that are then switched off: the
+    whirl dies out with the leading eigenvalue of the equilibrium.
+    """
+    off = ("transient.excitation=switch_off", "transient.switch_time=20.0")
+    found = run(tmp_path / "run.zarr", 300.0, "operation.speed=1.06", *off)
+    assert found.labels("section")[0] == "rising"
+    assert found.labels("motion")[0] == "unsettled"
+    case = tiny_case("operation.speed=1.06").case
+    machine, parameters = build_machine(case), parameter_vector(case)
+    parameters[2] = 0.0
+    state = machine_equilibrium(machine, parameters).state
+    eigenvalues = np.linalg.eigvals(machine.jacobian(0.0, state, parameters).toarray())
+    leading = eigenvalues[np.argmax(eigenvalues.real)]
+    assert found["growth_rate"][0] == pytest.approx(leading.real, rel=0.01)
+    assert 2.0 * np.pi / found["section_period"][0] == pytest.approx(abs(leading.imag), rel=1e-3)
+
+
+def test_few_samples_per_period_give_an_envelope_only(tmp_path):
+    found = run(tmp_path / "run.zarr", 90.0, "operation.speed=0.9", "transient.samples_per_period=4")
+    assert set(found.arrays) == {"window_time", "window_speed", "envelope_low", "envelope_high"}
+    assert set(found.attributes["skipped"]) == {
+        "modal_energy", "ring_section", "rotation_section", "spectrum", "waterfall", "motion",
+    }  # fmt: skip
+    assert "raise transient.samples_per_period" in found.attributes["skipped"]["motion"]
 
 
 def test_sizes_stay_bounded(tmp_path, monkeypatch):
