@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from agfb_cli.commands import (
+    compare,
     continue_cycles,
     continue_tori,
     criticals,
@@ -108,5 +109,6 @@ app.command("schema")(schema.schema)
 app.command("info")(info.info)
 app.command("status")(status.status)
 app.command("export")(export.export)
+app.command("compare")(compare.compare)
 app.command("verify")(verify.verify)
 app.command("doctor")(doctor.doctor)

@@ -94,9 +94,9 @@ def draw_figures(
     """Draw the figures of a store and give the files written, ``<output_folder>/<case>/<figure>.<format>``.
 
     ``cases`` is a glob over case ids; ``kinds`` chooses among ``FIGURE_KINDS`` (all when None). A figure
-    whose data are not in the store is left out, and ``report`` is told why if it was chosen; one whose branch
-    has no point yet says so in the picture. The store may still be written meanwhile. A damaged group is left out too, and
-    raised when everything else is drawn.
+    whose data are not in the store is left out, and ``report`` is told why if it was chosen: once for each
+    kind of group that is missing. One whose branch has no point yet says so in the picture. The store may
+    still be written meanwhile. A damaged group is left out too, and raised when everything else is drawn.
 
     Raises ValueError for an unknown format or figure or a glob that no case matches, StoreError for a store
     that cannot be read, OSError where the files cannot be written.
