@@ -89,7 +89,7 @@ def test_rest_and_too_few_points():
     assert "31 periods of steady drive; 32 are needed" in short.reason
     middle = classify(logistic(3.97, 100), ORBIT)
     assert middle.motion is None
-    assert "in 100 periods of steady drive; telling" in middle.reason
+    assert "in 100 periods of steady drive; to tell" in middle.reason
     assert "takes 128 or more" in middle.reason
     assert np.isnan(middle.chaos)
     longer = classify(logistic(3.97, 300), ORBIT)
