@@ -119,8 +119,8 @@ def _undecided(chaos: float, points: int) -> str:
     needed = FEWEST_POINTS_TESTED if np.isnan(chaos) else FEWEST_POINTS_OF_CHAOS
     told = "" if np.isnan(chaos) else f", with an outcome {chaos:.2f} of the 0-1 test"
     return (
-        f"no return after 1, 2, 4 or 8 in {points} periods of steady drive{told}; to tell quasi-periodic from "
-        f"chaotic takes {needed} or more"
+        f"no return after 1, 2, 4 or 8 in {points} periods of steady drive{told}; to tell "
+        f"quasi-periodic from chaotic takes {needed} or more"
     )
 
 
