@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -25,6 +27,7 @@ from pipelines.figures.runs import (
 VERTICAL = 1
 DECADES = 4.0  # below the largest amplitude
 ORBIT_PERIODS = 20  # of the motion behind the Poincare points, and of the points where none are judged
+EVIDENCE_WIDTH = 75  # letters in a line below the title
 NEGLIGIBLE = 1e-9  # energies below this part of the largest are left out
 FREQUENCY_LABEL = r"frequency $\bar{\omega}$ [–]"
 
@@ -153,7 +156,8 @@ def _draw_orbit(axes: Axes, run: RunView, bearing: int) -> None:
 def _evidence(run: RunView) -> str:
     """The kind of motion and what it is told from."""
     if not run.motion:
-        return f"motion not judged: {run.skipped.get('motion', 'no reason stored')}"
+        reason = f"motion not judged: {run.skipped.get('motion', 'no reason stored')}"
+        return "\n".join(wrap(reason, EVIDENCE_WIDTH))
     if run.motion == "equilibrium":
         return run.motion
     returns = ", ".join(f"{value:.2g}" for value in run.analysis["return_distance"][0])

@@ -8,7 +8,7 @@ import pytest
 from pipelines.orbits.classification import Limits, Motion, chaos_test, classify, return_distance
 
 
-def logistic(r, count=400, skip=5000):
+def logistic(r, count=600, skip=5000):
     x, found = 0.3, []
     for step in range(skip + count):
         x = r * x * (1.0 - x)
@@ -89,9 +89,25 @@ def test_rest_and_too_few_points():
     assert "31 periods of steady drive; 32 are needed" in short.reason
     middle = classify(logistic(3.97, 100), ORBIT)
     assert middle.motion is None
-    assert "needs 128 periods of steady drive, there are 100" in middle.reason
+    assert "in 100 periods of steady drive; to tell" in middle.reason
+    assert "takes 128 or more" in middle.reason
     assert np.isnan(middle.chaos)
+    longer = classify(logistic(3.97, 300), ORBIT)
+    assert longer.motion is None
+    assert longer.chaos > 0.8
+    assert "takes 600 or more" in longer.reason
     assert classify(logistic(3.2, 40), ORBIT).motion is Motion.PERIOD_2
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_torus_of_three_frequencies_is_never_called_chaotic(seed):
+    """As under rings, unbalance and whirl: from few points undecided, from many quasi-periodic."""
+    random = np.random.default_rng(seed)
+    rotations, sizes = random.uniform(0.0, 1.0, 3), random.uniform(0.2, 1.0, 3)
+    angles = 2.0 * np.pi * rotations[:, None] * np.arange(600)
+    points = (sizes @ np.cos(angles) + 0.3 * np.cos(angles[0] + angles[1]))[:, None]
+    assert classify(points[:150], points).motion in (None, Motion.QUASI_PERIODIC, Motion.UNSETTLED)
+    assert classify(points, points).motion is Motion.QUASI_PERIODIC
 
 
 def test_the_chaos_test_is_near_zero_or_one():
