@@ -42,7 +42,8 @@ def info(
 def show(content: Mapping[str, Any], console: Console) -> None:
     """One line per group on stdout; origin and advice on stderr."""
     attributes = content["attributes"]
-    console.message(f"written by agfb {attributes['versions']['agfb']}: {shlex.join(attributes['argv'])}")
+    version = attributes.get("versions", {}).get("agfb", "of an unknown version")
+    console.message(f"written by agfb {version}: {shlex.join(attributes.get('argv', ()))}")
     rows: list[tuple[object, ...]] = []
     for name, described in content["cases"].items():
         for group, state in described["groups"].items():

@@ -12,7 +12,7 @@ from pipelines.datasets.chunks import read_array
 from pipelines.datasets.durable import PARTIAL
 from pipelines.datasets.errors import StoreError
 from pipelines.datasets.metadata import METADATA, GroupMetadata, read_group_metadata
-from pipelines.datasets.reading import committed_rows, list_cases
+from pipelines.datasets.reading import committed_rows
 from pipelines.datasets.schema import KINDS, ArrayLayout
 from pipelines.datasets.store import Store, open_for_reading
 
@@ -47,7 +47,7 @@ def verify(store: Store | Path | str) -> list[Finding]:
         for array in metadata.arrays.values():
             findings += _check_chunks(opened, group, metadata, array)
         findings += _check_capacities(metadata)
-    return findings
+    return list(dict.fromkeys(findings))
 
 
 def _finding(error: StoreError) -> Finding:
@@ -57,7 +57,7 @@ def _finding(error: StoreError) -> Finding:
 def _all_groups(store: Store) -> Iterator[str]:
     """Every folder that must be a group: what has metadata itself or below, except arrays."""
     yield "cases"
-    for case in sorted({*list_cases(store), *_folders(store.path / "cases")}):
+    for case in _folders(store.path / "cases"):
         yield f"cases/{case}"
         for name in _folders(store.path / "cases" / case):
             path = f"cases/{case}/{name}"
@@ -70,7 +70,9 @@ def _all_groups(store: Store) -> Iterator[str]:
 
 
 def _folders(folder: Path) -> list[str]:
-    return sorted(p.name for p in folder.iterdir() if p.is_dir()) if folder.is_dir() else []
+    if folder.is_symlink() or not folder.is_dir():
+        return []
+    return sorted(p.name for p in folder.iterdir() if p.is_dir())
 
 
 def _is_made(folder: Path) -> bool:
@@ -80,10 +82,14 @@ def _is_made(folder: Path) -> bool:
 def _stray(root: Path) -> Iterator[Finding]:
     for path in sorted(root.rglob("*")):
         if path.is_symlink():
-            yield Finding(path, "a link inside a store", "Replace it by a copy of what it points to")
+            yield Finding(path, "a link inside a store", "Copy the data it points to into its place")
         elif path.name.endswith(PARTIAL):
             yield Finding(path, "left by an interrupted write", "Resuming removes it", "note")
-        elif path.name == METADATA or path.is_dir():
+        elif path.is_dir():
+            continue
+        elif not path.is_file():
+            yield Finding(path, "not a plain file", "Stores hold plain files only: replace it by a copy")
+        elif path.name == METADATA:
             continue
         elif not path.name.startswith("c.") or not _is_made(path.parent):
             yield Finding(path, "does not belong to a store", "Move it elsewhere", "note")

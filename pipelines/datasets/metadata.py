@@ -8,9 +8,10 @@ refused before memory is asked for.
 from __future__ import annotations
 
 import json
+import math
 import re
 import stat
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeGuard
@@ -32,10 +33,12 @@ from pipelines.datasets.schema import (
 METADATA = "zarr.json"
 CHECKSUM = "attributes_crc32c"
 LARGEST_METADATA_BYTES = 16 * 1024**2
+DEEPEST_METADATA = 40  # tables within tables; a configuration has 8
 CONTAINER = "container"
 ROOT = "store"
 CASE = "case"
 
+FOREIGN = "Name a store that agfb wrote"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.=,@-]*")
 RECOMPUTE = "Remove this folder and run the same command again: it is computed anew, everything else is kept"
 RESTORE = (
@@ -108,11 +111,24 @@ def read_group_metadata(store: Path, group: str, kind: str | None = None) -> Gro
     ``kind``.
     """
     try:
-        return _read_group_metadata(group_folder(store, group), kind)
+        metadata = _read_group_metadata(group_folder(store, group), kind)
+        _check_place(group, metadata)
+        return metadata
     except StoreError as error:
         if RECOMPUTE not in error.advice:
             raise
         raise type(error)(error.message, _remedy(store, group), error.path) from error
+
+
+def _check_place(group: str, metadata: GroupMetadata) -> None:
+    """Refuse kinds that do not belong where the group is."""
+    depth = len(group.split("/")) if group else 0
+    structure = {0: ROOT, 1: CONTAINER, 2: CASE}
+    allowed = metadata.kind in KINDS or (depth == 3 and metadata.kind == CONTAINER)
+    if metadata.kind != structure[depth] if depth in structure else not allowed:
+        raise ForeignStoreError(
+            f"a group of kind {metadata.kind[:100]!r} does not belong here", FOREIGN, metadata.folder
+        )
 
 
 def _remedy(store: Path, group: str) -> str:
@@ -145,10 +161,10 @@ def _group_attributes(folder: Path) -> dict[str, Any]:
         or content.get("zarr_format") != 3
         or not isinstance(attributes, dict)
     ):
-        raise ForeignStoreError("not the metadata of a Zarr v3 group", "Name a store that agfb wrote", path)
+        raise ForeignStoreError("not the metadata of a Zarr v3 group", FOREIGN, path)
     version = attributes.get("schema_version")
-    if not isinstance(version, int) or not isinstance(attributes.get("kind"), str):
-        raise ForeignStoreError("this group was not written by agfb", "Name a store that agfb wrote", path)
+    if type(version) is not int or not isinstance(attributes.get("kind"), str):
+        raise ForeignStoreError("this group was not written by agfb", FOREIGN, path)
     if version != SCHEMA_VERSION:
         raise ForeignStoreError(
             f"written with schema version {version}, this program has {SCHEMA_VERSION}",
@@ -157,7 +173,43 @@ def _group_attributes(folder: Path) -> dict[str, Any]:
         )
     if attributes.get(CHECKSUM) != _checksum(attributes):
         raise CorruptedError("the attributes were changed or damaged (checksum)", RECOMPUTE, path)
+    for name, is_allowed in _ALLOWED.get(attributes["kind"], _OF_RESULTS).items():
+        if name in attributes and not is_allowed(attributes[name]):
+            raise ForeignStoreError(f"the attribute {name} is {str(attributes[name])[:100]}", FOREIGN, path)
     return attributes
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_table(value: object) -> bool:
+    return isinstance(value, dict)
+
+
+def _are_words(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(word, str) for word in value)
+
+
+def _are_numbers(value: object) -> bool:
+    return isinstance(value, dict) and all(type(number) in (int, float) for number in value.values())
+
+
+# What readers rely on, where it is there.
+_OF_RESULTS: Mapping[str, Callable[[object], bool]] = {
+    "status": _is_text,
+    "stop_reason": _is_text,
+    "stop_advice": _is_text,
+}
+_ALLOWED: Mapping[str, Mapping[str, Callable[[object], bool]]] = {
+    ROOT: {
+        "configuration": _is_table,
+        "configuration_hash": _is_text,
+        "versions": _is_table,
+        "argv": _are_words,
+    },
+    CASE: {"name": _is_text, "parameters": _is_table, "scales": _are_numbers},
+}
 
 
 def _declared_arrays(folder: Path, kind: str, attributes: Mapping[str, Any]) -> dict[str, ArrayLayout]:
@@ -167,17 +219,13 @@ def _declared_arrays(folder: Path, kind: str, attributes: Mapping[str, Any]) -> 
         or not isinstance(names, list)
         or not all(isinstance(name, str) for name in names)
     ):
-        raise ForeignStoreError(
-            "the attributes do not list dimensions and arrays", "Name a store that agfb wrote", folder
-        )
+        raise ForeignStoreError("the attributes do not list dimensions and arrays", FOREIGN, folder)
     try:
         arrays = layout(kind, sizes, tuple(names))
     except ValueError as error:
-        raise ForeignStoreError(str(error), "Name a store that agfb wrote", folder) from error
+        raise ForeignStoreError(str(error), FOREIGN, folder) from error
     if unknown := sorted(set(names) - set(arrays)):
-        raise ForeignStoreError(
-            f"unknown arrays {', '.join(unknown)[:200]}", "Name a store that agfb wrote", folder
-        )
+        raise ForeignStoreError(f"unknown arrays {', '.join(unknown)[:200]}", FOREIGN, folder)
     _check_counts(folder, kind, attributes, sizes)
     return arrays
 
@@ -211,7 +259,8 @@ def check_array(folder: Path, array: ArrayLayout, rows: int | None = None) -> Ar
         array = array.with_rows(min(max(shape[0], rows), LARGEST_ROWS))
     expected = array_metadata(array)
     for key in sorted(set(found) | set(expected)):
-        if found.get(key) != expected.get(key):
+        # as text, because 40.0 and true are not 40 and 1 to Zarr
+        if json.dumps(found.get(key), sort_keys=True) != json.dumps(expected.get(key), sort_keys=True):
             raise ForeignStoreError(
                 f"{key} is {str(found.get(key))[:200]}, expected {str(expected.get(key))[:200]}",
                 "The file is foreign or damaged. " + RECOMPUTE,
@@ -228,14 +277,34 @@ def read_json(path: Path) -> dict[str, Any]:
     if size is None:
         raise CorruptedError("the file is missing", RECOMPUTE, path)
     if size > LARGEST_METADATA_BYTES:
-        raise ForeignStoreError(f"metadata of {size} bytes", "Name a store that agfb wrote", path)
+        raise ForeignStoreError(f"metadata of {size} bytes", FOREIGN, path)
     try:
-        content = json.loads(path.read_bytes())
+        content = json.loads(path.read_bytes(), parse_float=_finite, parse_constant=_finite)
     except (ValueError, RecursionError) as error:
         raise CorruptedError(f"not readable as JSON ({str(error)[:100]})", RECOMPUTE, path) from error
     if not isinstance(content, dict):
         raise CorruptedError("not a JSON object", RECOMPUTE, path)
+    if (depth := _depth(content)) > DEEPEST_METADATA:
+        raise ForeignStoreError(f"metadata nested {depth} deep", FOREIGN, path)
     return content
+
+
+def _finite(text: str) -> float:
+    """A number of JSON, which has neither NaN nor infinities. Raises ValueError."""
+    if not math.isfinite(number := float(text)):
+        raise ValueError(f"{text} is not a number of JSON")
+    return number
+
+
+def _depth(content: dict[str, Any]) -> int:
+    """How deep tables and lists are nested."""
+    depth = 0
+    level: list[Any] = [content]
+    while level:
+        depth += 1
+        nested: Iterable[Iterable[Any]] = (n.values() if isinstance(n, dict) else n for n in level)
+        level = [item for items in nested for item in items if isinstance(item, dict | list)]
+    return depth
 
 
 def regular_file_size(path: Path) -> int | None:

@@ -33,8 +33,10 @@ def case_attributes(store: Store, case: str) -> dict[str, Any]:
 def list_groups(store: Store, case: str) -> list[str]:
     """Names of all groups of a case that hold data, for instance ``cases/kb10/cycles/b000``, sorted.
 
-    Groups whose making was interrupted are left out: for them everything is still to be computed.
+    Groups whose making was interrupted are left out: for them everything is still to be computed. Raises
+    StoreError for metadata that are damaged or foreign, those of the case among them.
     """
+    case_attributes(store, case)
     found = []
     for name in _members(store, f"cases/{case}"):
         path = f"cases/{case}/{name}"
@@ -47,7 +49,10 @@ def _members(store: Store, group: str) -> list[str]:
     folder = group_folder(store.path, group)
     if not folder.is_dir():
         return []
-    return sorted(p.name for p in folder.iterdir() if (p / METADATA).is_file() and not p.is_symlink())
+    names = sorted(p.name for p in folder.iterdir() if (p / METADATA).is_file())
+    for name in names:
+        group_folder(store.path, f"{group}/{name}")  # refuses links: to leave them out would lose results
+    return names
 
 
 def read_group(store: Store, group: str, names: Sequence[str] | None = None) -> Group:
