@@ -19,6 +19,11 @@ from tests.benchmarks.settings import Settings
 
 SMOKE = Path(__file__).parents[2] / "configs/smoke.toml"
 STAGES = ("continue_cycles",)
+BRANCH = (
+    "continue_cycles.start=0.4",
+    "continue_cycles.range=[0.4, 1.3]",
+    "continue_cycles.maximum_step=0.02",
+)
 
 
 def campaign(settings: Settings) -> list[Measurement]:
@@ -29,7 +34,7 @@ def campaign(settings: Settings) -> list[Measurement]:
         f"sweep.excitation.displacement={displacements}",
         f"continue_cycles.max_points={settings.campaign_points}",
     )
-    cases = read_cases(SMOKE.read_text(), SMOKE.name, (*overrides, "continue_cycles.range=[0.4, 1.3]"))
+    cases = read_cases(SMOKE.read_text(), SMOKE.name, (*overrides, *BRANCH))
     alone = _seconds(cases, 0)
     pair = _seconds(cases, 2)
     told = f"{count} branches of equal cost on 24x2, wall clock: one process / two workers with their start"
