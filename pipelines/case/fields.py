@@ -7,6 +7,7 @@ reference are all made from that one declaration.
 
 from __future__ import annotations
 
+import math
 import types
 from collections.abc import Iterator
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -191,6 +192,37 @@ def require_one(info: ValidationInfo, value: Any, keys: tuple[str, ...], what: s
         raise InconsistentError(
             f"give exactly one of {', '.join(keys)} for {what}; given: {', '.join(chosen) or 'none'}"
         )
+
+
+def rising(value: tuple[float, float]) -> tuple[float, float]:
+    """Validator of a range."""
+    if not value[0] < value[1]:
+        raise InconsistentError(f"must be [low, high] with low < high, given [{value[0]:g}, {value[1]:g}]")
+    return value
+
+
+def positive_range(value: tuple[float, float], because: str) -> tuple[float, float]:
+    """Validator of a range of positive values."""
+    if value[0] <= 0:
+        raise InconsistentError(((0,), f"must be > 0: {because}"))
+    return rising(value)
+
+
+def parameter_range(value: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
+    """Validator of the `range` of a continued `parameter`."""
+    if info.data.get("parameter") != "displacement":
+        return positive_range(value, "this parameter is positive")
+    if value[0] < 0 or value[1] >= 1:
+        raise InconsistentError("must lie within 0 <= displacement < 1: the ring closes the film otherwise")
+    return rising(value)
+
+
+def inside_range(value: float | None, info: ValidationInfo) -> float | None:
+    """Validator of a `start` beside a `range`."""
+    low, high = info.data.get("range", (-math.inf, math.inf))
+    if value is not None and not low <= value <= high:
+        raise InconsistentError(f"must lie inside range = [{low:g}, {high:g}]")
+    return value
 
 
 def steps_in_order(value: float, info: ValidationInfo) -> float:

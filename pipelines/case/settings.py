@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 from pydantic import ValidationInfo, field_validator
@@ -13,17 +12,14 @@ from pipelines.case.fields import (
     Number,
     Table,
     choice,
+    inside_range,
+    parameter_range,
+    positive_range,
     quantity,
     require_one,
     steps_in_order,
     table,
 )
-
-
-def _require_rising(value: tuple[float, float] | None) -> tuple[float, float] | None:
-    if value is not None and not value[0] < value[1]:
-        raise InconsistentError(f"must be [low, high] with low < high, given [{value[0]:g}, {value[1]:g}]")
-    return value
 
 
 class Operation(Table):
@@ -159,8 +155,8 @@ class Linearize(Table):
 
     @field_validator("speed_range")
     @classmethod
-    def _range(cls, value: tuple[float, float]) -> tuple[float, float] | None:
-        return _positive_range(value, "the film carries by rotation")
+    def _range(cls, value: tuple[float, float]) -> tuple[float, float]:
+        return positive_range(value, "the film carries by rotation")
 
     @field_validator("whirl_ratios")
     @classmethod
@@ -206,14 +202,8 @@ class Criticals(Table):
 
     @field_validator("speed_range")
     @classmethod
-    def _range(cls, value: tuple[float, float]) -> tuple[float, float] | None:
-        return _positive_range(value, "the film carries by rotation")
-
-
-def _positive_range(value: tuple[float, float], because: str) -> tuple[float, float] | None:
-    if value[0] <= 0:
-        raise InconsistentError(((0,), f"must be > 0: {because}"))
-    return _require_rising(value)
+    def _range(cls, value: tuple[float, float]) -> tuple[float, float]:
+        return positive_range(value, "the film carries by rotation")
 
 
 class ContinueCycles(Table):
@@ -283,24 +273,6 @@ class ContinueCycles(Table):
         "up",
     )
 
-    @field_validator("range")
-    @classmethod
-    def _range(cls, value: tuple[float, float], info: ValidationInfo) -> tuple[float, float] | None:
-        parameter = info.data.get("parameter")
-        if parameter == "displacement":
-            if value[0] < 0 or value[1] >= 1:
-                raise InconsistentError(
-                    "must lie within 0 <= displacement < 1: the ring closes the film otherwise"
-                )
-            return _require_rising(value)
-        return _positive_range(value, "this parameter is positive")
-
-    @field_validator("start")
-    @classmethod
-    def _start(cls, value: float | None, info: ValidationInfo) -> float | None:
-        low, high = info.data.get("range", (-math.inf, math.inf))
-        if value is not None and not low <= value <= high:
-            raise InconsistentError(f"must lie inside range = [{low:g}, {high:g}]")
-        return value
-
+    _range = field_validator("range")(parameter_range)
+    _start = field_validator("start")(inside_range)
     _steps = field_validator("maximum_step")(steps_in_order)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
@@ -16,6 +15,8 @@ from pipelines.case.fields import (
     Number,
     Table,
     choice,
+    inside_range,
+    parameter_range,
     quantity,
     steps_in_order,
     table,
@@ -105,29 +106,6 @@ class ContinueTori(Table):
         because="the cost of a torus grows with their number",
     )
 
-    @field_validator("range")
-    @classmethod
-    def _range(cls, value: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
-        low, high = value
-        displaced = info.data.get("parameter") == "displacement"
-        if displaced and not (low >= 0 and high < 1):
-            raise InconsistentError(
-                "must lie within 0 <= displacement < 1: the ring closes the film otherwise"
-            )
-        if not displaced and low <= 0:
-            raise InconsistentError(((0,), "must be > 0: this parameter is positive"))
-        if not low < high:
-            raise InconsistentError(f"must be [low, high] with low < high, given [{low:g}, {high:g}]")
-        return value
-
-    @field_validator("start")
-    @classmethod
-    def _start(cls, value: float | None, info: ValidationInfo) -> float | None:
-        low, high = info.data.get("range", (-math.inf, math.inf))
-        if value is not None and not low <= value <= high:
-            raise InconsistentError(f"must lie inside range = [{low:g}, {high:g}]")
-        return value
-
     @field_validator("max_angles")
     @classmethod
     def _odd(cls, value: int) -> int:
@@ -135,6 +113,8 @@ class ContinueTori(Table):
             raise InconsistentError("must be odd: an even number has a wave that a shift does not keep")
         return value
 
+    _range = field_validator("range")(parameter_range)
+    _start = field_validator("start")(inside_range)
     _steps = field_validator("maximum_step")(steps_in_order)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -171,16 +171,20 @@ def _draw_curve(
     axes: Axes, branch: Table, parameter: str, values: NDArray[np.float64], bearing: int
 ) -> list[NDArray[np.float64]]:
     curve = thread_events(branch, parameter, values)
-    look = style.bearing_look(bearing)
+    draw_threaded(axes, curve, branch, style.bearing_look(bearing))
+    return list(curve.values.T)
+
+
+def draw_threaded(axes: Axes, curve: Curve, branch: Table, look: Mapping[str, Any]) -> None:
+    """A branch with its bifurcations: stable stretches solid, others dashed, a single point as a dot."""
     for column in curve.values.T:
         for start, stop in runs(curve.stable):
-            line = "-" if curve.stable[start] else (0, (3.5, 1.8))
+            line = "-" if curve.stable[start] else style.UNSTABLE
             axes.plot(curve.parameter[start : stop + 1], column[start : stop + 1], linestyle=line, **look)
         if len(curve.parameter) == 1:
             axes.plot(curve.parameter, column, marker="o", linestyle="none", **look)
-        for row, look_of_event in zip(curve.event_rows, event_looks(branch), strict=True):
-            axes.plot(curve.parameter[row], column[row], zorder=5, **look_of_event)
-    return list(curve.values.T)
+        for row, mark in zip(curve.event_rows, event_looks(branch), strict=True):
+            axes.plot(curve.parameter[row], column[row], zorder=5, **mark)
 
 
 def _draw_errors(
@@ -207,12 +211,24 @@ def _legend(bearings: int, kinds: set[str]) -> list[Line2D]:
         Line2D([], [], label=f"bearing {bearing + 1}", **style.bearing_look(bearing))
         for bearing in range(bearings)
     ]
-    handles.append(Line2D([], [], color="#333333", linestyle="-", label="stable"))
-    handles.append(Line2D([], [], color="#333333", linestyle=(0, (3.5, 1.8)), label="unstable"))
-    for kind, mark in EVENT_MARKS.items():
-        if kind in kinds:
-            handles.append(Line2D([], [], label=mark.label, **mark.look()))
-    return handles
+    return handles + stability_handles() + event_handles(kinds)
+
+
+def stability_handles(
+    stable: str = "stable", unstable: str = "unstable", colour: str = "#333333"
+) -> list[Line2D]:
+    """Legend of solid and dashed lines."""
+    return [
+        Line2D([], [], color=colour, linestyle="-", label=stable),
+        Line2D([], [], color=colour, linestyle=style.UNSTABLE, label=unstable),
+    ]
+
+
+def event_handles(kinds: Collection[str]) -> list[Line2D]:
+    """Legend of the marks of some kinds of bifurcations."""
+    return [
+        Line2D([], [], label=mark.label, **mark.look()) for kind, mark in EVENT_MARKS.items() if kind in kinds
+    ]
 
 
 def _progress(branches: Sequence[Table]) -> str:

@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, add_right, limits
 from pipelines.figures.bifurcation_diagram import (
-    EVENT_MARKS,
     Curve,
-    event_looks,
+    draw_threaded,
+    event_handles,
     event_names,
-    runs,
+    stability_handles,
     thread_events,
 )
 from pipelines.figures.contents import CaseView, Table, excitation_periods
 
-UNSTABLE = (0, (3.5, 1.8))
 COLOURS = {1: style.BLACK, 2: style.VERMILION, 4: style.BLUE, 8: style.GREEN}
 MAGNIFIED_BELOW = 0.6  # part of the parameter's range below which the doubled cycles get a panel of their own
 MARGIN = 0.12
@@ -134,15 +133,7 @@ def _magnify(panels: list[Axes], curves: Mapping[str, Curve], interval: tuple[fl
 
 def _draw_branches(axes: Axes, branches: Mapping[str, Table], curves: Mapping[str, Curve]) -> None:
     for name, branch in branches.items():
-        curve, look = curves[name], _look(excitation_periods(branch))
-        for column in curve.values.T:
-            for start, stop in runs(curve.stable):
-                line = "-" if curve.stable[start] else UNSTABLE
-                axes.plot(curve.parameter[start : stop + 1], column[start : stop + 1], linestyle=line, **look)
-            if len(curve.parameter) == 1:
-                axes.plot(curve.parameter, column, marker="o", linestyle="none", **look)
-            for row, mark in zip(curve.event_rows, event_looks(branch), strict=True):
-                axes.plot(curve.parameter[row], column[row], zorder=5, **mark)
+        draw_threaded(axes, curves[name], branch, _look(excitation_periods(branch)))
 
 
 def _look(turns: int) -> dict[str, Any]:
@@ -153,10 +144,5 @@ def _legend(branches: Mapping[str, Table]) -> list[Line2D]:
     turns = sorted({excitation_periods(branch) for branch in branches.values()})
     names = {1: r"period $T_{ex}$"}
     handles = [Line2D([], [], label=names.get(n, rf"${n}\,T_{{ex}}$"), **_look(n)) for n in turns]
-    handles.append(Line2D([], [], color="#333333", linestyle="-", label="stable"))
-    handles.append(Line2D([], [], color="#333333", linestyle=UNSTABLE, label="unstable"))
     kinds = {kind for branch in branches.values() for kind in event_names(branch)}
-    handles += [
-        Line2D([], [], label=mark.label, **mark.look()) for kind, mark in EVENT_MARKS.items() if kind in kinds
-    ]
-    return handles
+    return handles + stability_handles() + event_handles(kinds)

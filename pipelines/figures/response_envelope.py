@@ -13,14 +13,22 @@ from numpy.typing import NDArray
 
 from pipelines.figures import style
 from pipelines.figures.axes import add_right, limits
-from pipelines.figures.bifurcation_diagram import EVENT_MARKS, event_looks, event_names, runs, thread_events
+from pipelines.figures.bifurcation_diagram import (
+    EVENT_MARKS,
+    draw_threaded,
+    envelope,
+    event_handles,
+    event_looks,
+    event_names,
+    stability_handles,
+    thread_events,
+)
 from pipelines.figures.contents import CaseView, MissingDataError, Table, excitation_periods
 from pipelines.figures.runs import AXIS_LABELS, RunView, bearing_title, clearances, label_along
 
 VERTICAL = 1
 LEADING = 4  # moduli drawn
 SAME_PARAMETER = 1e-9
-UNSTABLE = (0, (3.5, 1.8))
 
 
 def comparable(run: RunView, branches: Sequence[Table]) -> list[Table]:
@@ -82,18 +90,9 @@ def _draw_run(
 
 def _draw_cycles(axes: Axes, case: CaseView, branch: Table, bearing: int) -> list[NDArray[np.float64]]:
     """Envelope of the cycles in clearances of the bearing, dashed where they are unstable."""
-    column = case.journal_coordinates(bearing)[VERTICAL]
     ratio = clearances(case)[bearing] / clearances(case)[0]
-    values = np.column_stack([branch["orbit_maximum"][:, column], branch["orbit_minimum"][:, column]]) / ratio
-    curve = thread_events(branch, "speed", values)
-    for edge in curve.values.T:
-        for start, stop in runs(curve.stable):
-            line = "-" if curve.stable[start] else UNSTABLE
-            axes.plot(
-                curve.parameter[start : stop + 1], edge[start : stop + 1], color=style.BLACK, linestyle=line
-            )
-        for row, look in zip(curve.event_rows, event_looks(branch), strict=True):
-            axes.plot(curve.parameter[row], edge[row], zorder=5, **look)
+    curve = thread_events(branch, "speed", envelope(VERTICAL)(case, branch, bearing) / ratio)
+    draw_threaded(axes, curve, branch, {"color": style.BLACK})
     return list(curve.values.T)
 
 
@@ -119,16 +118,8 @@ def _legend(cycles: Sequence[Table]) -> list[Patch | Line2D]:
     handles: list[Patch | Line2D] = [Patch(color=style.SKY, alpha=0.55, label="time integration")]
     if not cycles:
         return handles
-    handles += [
-        Line2D([], [], color=style.BLACK, linestyle="-", label="cycles, stable"),
-        Line2D([], [], color=style.BLACK, linestyle=UNSTABLE, label="cycles, unstable"),
-    ]
-    present = {kind for branch in cycles for kind in event_names(branch)}
-    return handles + [
-        Line2D([], [], label=mark.label, **mark.look())
-        for kind, mark in EVENT_MARKS.items()
-        if kind in present
-    ]
+    handles += stability_handles("cycles, stable", "cycles, unstable", style.BLACK)
+    return [*handles, *event_handles({kind for branch in cycles for kind in event_names(branch)})]
 
 
 def together(views: Sequence[RunView]) -> list[RunView]:

@@ -37,6 +37,7 @@ BEARING_COLOURS = (BLUE, VERMILION)
 BEARING_WIDTHS, BEARING_ALPHAS = (3.0, 1.1), (0.4, 1.0)
 PARAMETER_MAP = "viridis"
 
+UNSTABLE = (0, (3.5, 1.8))  # dashes of what is not stable
 DOUBLE_COLUMN = 7.2  # inches: the width of a journal page
 NOTE_WIDTH = 120  # letters in a line of the note on the machine
 

@@ -16,19 +16,18 @@ from numpy.typing import NDArray
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, add_right, limits
 from pipelines.figures.bifurcation_diagram import (
-    EVENT_MARKS,
     Curve,
+    draw_threaded,
     envelope,
-    event_looks,
+    event_handles,
     event_names,
-    runs,
+    stability_handles,
     thread_events,
 )
 from pipelines.figures.contents import CaseView, Table, stable_points
 from pipelines.figures.orbits import representative_points
 
 CURVES = 8  # invariant curves drawn together
-UNSTABLE = (0, (3.5, 1.8))
 ROOM = 0.3  # of the parameter's range of the tori, on either side, in which cycles are shown
 CYCLE_LOOK: Mapping[str, Any] = {"color": style.GREY, "linewidth": 1.0}
 ROTATION_LOOK: Mapping[str, Any] = {"color": style.GREEN, "linewidth": 1.3}
@@ -75,16 +74,9 @@ def draw_tori(case: CaseView, parameter: str, tori: Sequence[Table], cycles: Seq
 def _draw(
     axes: Axes, branch: Table, parameter: str, values: NDArray[np.float64], look: Mapping[str, Any]
 ) -> Curve:
-    """Values (point, k) of a branch with its bifurcations; stable stretches solid, others dashed."""
+    """Values (point, k) of a branch with its bifurcations."""
     curve = thread_events(branch, parameter, values)
-    for column in curve.values.T:
-        for start, stop in runs(curve.stable):
-            line = "-" if curve.stable[start] else UNSTABLE
-            axes.plot(curve.parameter[start : stop + 1], column[start : stop + 1], linestyle=line, **look)
-        if len(curve.parameter) == 1:
-            axes.plot(curve.parameter, column, marker="o", linestyle="none", **look)
-        for row, mark in zip(curve.event_rows, event_looks(branch), strict=True):
-            axes.plot(curve.parameter[row], column[row], zorder=5, **mark)
+    draw_threaded(axes, curve, branch, look)
     return curve
 
 
@@ -97,12 +89,7 @@ def _inside(curve: Curve, interval: tuple[float, float]) -> NDArray[np.float64]:
 def _stability_handles(tori: Sequence[Table]) -> list[Line2D]:
     """Growth rates near one leave the stability of some tori open: they are drawn as if unstable."""
     open_ones = any(np.any(branch["unstable_count"] < 0) for branch in tori)
-    return [
-        Line2D([], [], color="#333333", linestyle="-", label="stable"),
-        Line2D(
-            [], [], color="#333333", linestyle=UNSTABLE, label="unstable or open" if open_ones else "unstable"
-        ),
-    ]
+    return stability_handles(unstable="unstable or open" if open_ones else "unstable")
 
 
 def _legend(bearings: int, tori: Sequence[Table], cycles: Sequence[Table]) -> list[Line2D]:
@@ -114,11 +101,7 @@ def _legend(bearings: int, tori: Sequence[Table], cycles: Sequence[Table]) -> li
         handles.append(Line2D([], [], label="cycles", **CYCLE_LOOK))
     handles.append(Line2D([], [], label="rotation number", **ROTATION_LOOK))
     handles += _stability_handles(tori)
-    kinds = {kind for branch in cycles for kind in event_names(branch)}
-    handles += [
-        Line2D([], [], label=mark.label, **mark.look()) for kind, mark in EVENT_MARKS.items() if kind in kinds
-    ]
-    return handles
+    return handles + event_handles({kind for branch in cycles for kind in event_names(branch)})
 
 
 @style.in_style
@@ -135,7 +118,7 @@ def draw_section(case: CaseView, parameter: str, tori: Table, name: str) -> Figu
         for point in points:
             curve = tori["section_curve"][point]
             closed = np.vstack([curve, curve[:1]])
-            line = "-" if stable[point] else UNSTABLE
+            line = "-" if stable[point] else style.UNSTABLE
             axes.plot(closed[:, x], closed[:, y], linestyle=line, color=colours.to_rgba(values[point]))
         axes.set_aspect("equal", adjustable="datalim")
         axes.margins(0.08)
