@@ -76,7 +76,7 @@ def _configurations_in(directory: Path) -> str:
     return f"it holds {', '.join(names[:5])}" if names else ""
 
 
-def figures_beside(store: Path) -> Path:
-    """Where the figures of a store go without `-o`: `NAME-figures` beside `NAME.zarr`."""
+def beside(store: Path, what: str) -> Path:
+    """Where the figures or the export of a store go without `-o`: `NAME-figures` beside `NAME.zarr`."""
     name = store.resolve().name.removesuffix(".zarr")
-    return store.parent / f"{name}-figures"
+    return store.parent / f"{name}-{what}"

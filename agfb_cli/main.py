@@ -41,7 +41,7 @@ app = typer.Typer(
     name="agfb",
     help="Bifurcation sets of rotors on active gas foil bearings: a TOML case in, a dataset and figures out.",
     epilog=(
-        "Exit codes: 0 done, 1 bug, 2 usage or configuration, 3 finished but some cases failed, "
+        "Exit codes: 0 done, 1 bug, 2 usage or configuration, 3 finished but cases failed or stores differ, "
         "4 store problem, 5 resources, 130 Ctrl-C, 143 SIGTERM."
     ),
     no_args_is_help=True,

@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 
 from agfb_cli.errors import UsageError
+from pipelines.stages.pool import Pool
 
 SCHEMES = ("tcp://", "tls://")
 
 
-@dataclass(frozen=True)
-class PoolChoice:
-    """Processes of this machine, or the address of a Dask scheduler."""
-
-    workers: int = 1
-    address: str | None = None
-
-
-def choose_pool(workers: int | None, scheduler: str | None) -> PoolChoice | None:
+def choose_pool(workers: int | None, scheduler: str | None) -> Pool | None:
     """The pool that the options ask for; None for this process. Raises UsageError where they disagree."""
     if scheduler is None:
-        return None if workers in (None, 1) else PoolChoice(workers)
+        return None if workers in (None, 1) else Pool(workers)
     if scheduler == "sync":
         if workers not in (None, 1):
             raise UsageError(
@@ -29,7 +21,7 @@ def choose_pool(workers: int | None, scheduler: str | None) -> PoolChoice | None
             )
         return None
     if scheduler == "local":
-        return PoolChoice(workers or os.cpu_count() or 1)
+        return Pool(workers or os.cpu_count() or 1)
     if not scheduler.startswith(SCHEMES):
         raise UsageError(
             f"--scheduler {scheduler}: not sync, local or an address",
@@ -40,4 +32,4 @@ def choose_pool(workers: int | None, scheduler: str | None) -> PoolChoice | None
             "--workers belongs to this machine: the cluster has its own workers",
             "leave --workers out, or --scheduler",
         )
-    return PoolChoice(address=scheduler)
+    return Pool(address=scheduler)

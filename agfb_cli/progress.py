@@ -85,14 +85,6 @@ class ProgressReporter:
         """A stage has ended on a case: forget it, and clear the overwritten line for what follows."""
         self._ended += 1
         self._tracks.pop((stage.replace("_", "-"), case_id), None)
-        self._clear()
-
-    def close(self) -> None:
-        """Clear the overwritten line, so that what follows starts on a clean one."""
-        self._tracks.clear()
-        self._clear()
-
-    def _clear(self) -> None:
         if self._console.animated and self._frame > -math.inf:
             self._console.transient("")
         self._frame = -math.inf

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from agfb_cli.cases import matching
 from agfb_cli.console import Console
 from agfb_cli.errors import UsageError, explained
-from agfb_cli.inputs import existing_store
+from agfb_cli.inputs import beside, existing_store
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
+
+if TYPE_CHECKING:
+    from pipelines.datasets.store import Store as OpenStore
 
 
 class FileFormat(StrEnum):
@@ -52,14 +56,15 @@ def export(
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         path = existing_store(store)
-        folder = output or path.parent / f"{path.resolve().name.removesuffix('.zarr')}-export"
+        folder = output or beside(path, "export")
         if file_format is FileFormat.netcdf:
             require_xarray()
         from pipelines.datasets.reading import list_cases
         from pipelines.datasets.store import open_for_reading
 
         opened = open_for_reading(path)
-        written = write(opened, matching(list_cases(opened), case), folder, file_format.value, full, force)
+        chosen = matching(list_cases(opened), case)
+        written = write(opened, chosen, folder, file_format.value, full, force)
         if json:
             console.json_data({"store": str(path), "files": [str(each) for each in written]})
         else:
@@ -67,19 +72,20 @@ def export(
                 console.data(str(each))
 
 
-def write(store: Any, cases: list[str], folder: Path, kind: Any, full: bool, force: bool) -> list[Path]:
+def write(
+    store: OpenStore, cases: Sequence[str], folder: Path, kind: str, full: bool, force: bool
+) -> list[Path]:
     """Export the cases; raises UsageError before anything is written where files would be replaced."""
-    from pipelines.datasets.exporting import export_case, planned_files
+    from pipelines.datasets.exporting import planned_files, write_files
 
-    if not force:
-        planned = [path for case in cases for path in planned_files(store, case, folder, kind, full)]
-        taken = [path for path in planned if path.exists()]
-        if taken:
-            more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""
-            raise UsageError(
-                f"{taken[0]}{more}: there already", "replace with --force, or name another folder with -o"
-            )
-    return [path for case in cases for path in export_case(store, case, folder, kind, full)]
+    files = [planned for case in cases for planned in planned_files(store, case, folder, kind, full)]
+    taken = [planned.path for planned in files if planned.path.exists()]
+    if taken and not force:
+        more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""
+        raise UsageError(
+            f"{taken[0]}{more}: there already", "replace with --force, or name another folder with -o"
+        )
+    return write_files(files)
 
 
 def require_xarray() -> None:

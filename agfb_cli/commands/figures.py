@@ -11,7 +11,7 @@ import typer
 from agfb_cli.cases import matching
 from agfb_cli.console import Console
 from agfb_cli.errors import UsageError, explained
-from agfb_cli.inputs import existing_store, figures_beside
+from agfb_cli.inputs import beside, existing_store
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 
 Directory = Annotated[
@@ -49,7 +49,7 @@ def figures(
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
-        directory = output or figures_beside(store)
+        directory = output or beside(store, "figures")
         written = draw(existing_store(store), directory, formats, kinds, case, console)
         if json:
             console.json_data({"store": str(store), "figures": [str(path) for path in written]})
@@ -60,7 +60,7 @@ def figures(
 
 def draw_beside(store: Path, case: str | None, console: Console) -> list[Path]:
     """Draw every figure of a store that was just written."""
-    return draw(store, figures_beside(store), None, None, case, console)
+    return draw(store, beside(store, "figures"), None, None, case, console)
 
 
 def draw(

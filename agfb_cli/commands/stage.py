@@ -31,11 +31,12 @@ from agfb_cli.options import (
     Verbose,
     Workers,
 )
-from agfb_cli.pool import PoolChoice, choose_pool
+from agfb_cli.pool import choose_pool
 from agfb_cli.progress import ProgressReporter
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
+    from pipelines.stages.pool import Pool
     from pipelines.stages.results import StageResult
 
 SECONDS_BEFORE_ANNOUNCEMENT = 2.0
@@ -57,7 +58,7 @@ class Request:
     case_pattern: str | None = None
     dry_run: bool = False
     force: bool = False
-    pool: PoolChoice | None = None  # None: this process
+    pool: Pool | None = None  # None: this process
 
 
 @dataclass
@@ -195,10 +196,9 @@ def compute(
     if request.pool is None:
         arriving = run_stages(*work, reporter, interruption.requested)
     else:
-        from pipelines.stages.campaign import Pool, run_campaign
+        from pipelines.stages.campaign import run_campaign
 
-        pool = Pool(request.pool.workers, request.pool.address)
-        arriving = run_campaign(*work, pool, reporter, interruption.requested)
+        arriving = run_campaign(*work, request.pool, reporter, interruption.requested)
     for stage, result in arriving:
         outcome.results.append((stage, result))
         reporter.ended(stage, result.case_id)

@@ -39,7 +39,7 @@ def status(
 
     Of each case what is being written, what was interrupted and what has ended, how many points there are and
     how long ago the last one was committed. Only metadata are read, and no lock is taken. With -v groups that
-    have ended well are listed too.
+    have ended are listed too, each with the reason.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -63,24 +63,26 @@ def status(
 
 def show(cases: list[str], states: list[GroupState], console: Console) -> None:
     """A line for everything that has not ended, or everything with -v, and a line of sums."""
+    from pipelines.datasets.records import ENDED, RUNNING
+    from pipelines.datasets.watching import INTERRUPTED
+
     rows: list[tuple[object, ...]] = []
     for state in states:
-        if state.state == "ended" and not console.verbose:
+        if state.state == ENDED and not console.verbose:
             continue
         points = None if state.points is None else f"{state.points} of at most {state.capacity}"
-        told = words(state.stop_reason) if state.state == "ended" else state.state
+        told = words(state.stop_reason) if state.state == ENDED else state.state
         rows.append((state.case, state.group, points, told, f"{duration(state.age)} ago", state.writer))
     if rows:
         console.data(table(("case", "group", "points", "status", "last commit", "written by"), rows))
-    counts = {
-        name: sum(state.state == name for state in states) for name in ("running", "interrupted", "ended")
-    }
+    found = [state.state for state in states]
+    counts = {name: found.count(name) for name in (RUNNING, INTERRUPTED, ENDED)}
     begun = len({state.case for state in states})
     console.data(
         f"{begun} of {len(cases)} cases begun; groups: "
         + ", ".join(f"{number} {name}" for name, number in counts.items())
     )
-    if counts["interrupted"] and not counts["running"]:
+    if counts[INTERRUPTED] and not counts[RUNNING]:
         console.message(
             "the command that made the store goes on with what was interrupted (agfb info shows it)"
         )

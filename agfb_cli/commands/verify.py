@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -70,23 +71,6 @@ def show(findings: list[Finding], checked: list[Checked], console: Console) -> N
 def as_data(findings: list[Finding], checked: list[Checked]) -> dict[str, Any]:
     """Findings and residuals as plain data."""
     return {
-        "findings": [
-            {
-                "path": str(finding.path),
-                "problem": finding.problem,
-                "advice": finding.advice,
-                "severity": finding.severity,
-            }
-            for finding in findings
-        ],
-        "residuals": [
-            {
-                "group": each.group,
-                "row": each.row,
-                "residual": each.residual,
-                "tolerance": each.tolerance,
-                "holds": each.holds,
-            }
-            for each in checked
-        ],
+        "findings": [asdict(finding) | {"path": str(finding.path)} for finding in findings],
+        "residuals": [asdict(each) | {"holds": each.holds} for each in checked],
     }

@@ -57,20 +57,14 @@ class TracedCurve:
         kept = max(0, len(self.arclength) - count)
         return TracedCurve(*(part[:kept] for part in vars(self).values()))
 
-    def holds(
-        self,
-        start: CurveStart,
-        scales: tuple[float, float] = (1.0, 1.0),
-        angle_tolerance: float = _ANGLE,
-        tolerance: float = _DISTANCE,
-    ) -> bool:
+    def holds(self, start: CurveStart, scales: tuple[float, float] = (1.0, 1.0)) -> bool:
         """Whether a bifurcation point of the same kind lies on the curve.
 
-        Its parameters, divided by ``scales``, must be within ``tolerance`` times the length of a segment of
-        the cubic through that segment's ends.  The state must be near too, and so must the angle, because
-        two curves may cross in the parameters.
+        Its parameters, divided by ``scales``, must be within a small part of the length of a segment of the
+        cubic through that segment's ends.  The state must be near too, and so must the angle, because two
+        curves may cross in the parameters.
         """
-        return next(self._slopes_there(start, scales, angle_tolerance, tolerance), None) is not None
+        return next(self._slopes_there(start, scales), None) is not None
 
     def runs_along(
         self, point: CurveStart, tangent: Vector, scales: tuple[float, float] = (1.0, 1.0)
@@ -81,36 +75,30 @@ class TracedCurve:
         other = tangent / np.array(scales)
         return any(
             abs(float(slope @ other)) > _PARALLEL * float(np.linalg.norm(slope) * np.linalg.norm(other))
-            for slope in self._slopes_there(point, scales, _ANGLE, _DISTANCE)
+            for slope in self._slopes_there(point, scales)
         )
 
-    def _slopes_there(
-        self, start: CurveStart, scales: tuple[float, float], angle_tolerance: float, tolerance: float
-    ) -> Iterator[Vector]:
+    def _slopes_there(self, start: CurveStart, scales: tuple[float, float]) -> Iterator[Vector]:
         """Scaled slopes of the segments on which a point lies."""
-        target = np.array(start.parameters) / scales
-        for first in range(len(self.arclength) - 1):
-            slope = self._slope_at(first, start, target, np.array(scales), angle_tolerance, tolerance)
+        target, points = np.array(start.parameters) / scales, self.parameters / scales
+        lengths, steepest = np.diff(self.arclength), np.abs(self.tangents / scales).max(axis=1)
+        extents = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        sizes = extents + lengths * np.maximum(steepest[:-1], steepest[1:])
+        apart = np.linalg.norm(points[:-1] - target, axis=1)
+        for first in np.flatnonzero((lengths > 0.0) & (apart <= 2.0 * sizes + _NOISE)):
+            distance = _DISTANCE * float(sizes[first]) + _NOISE
+            slope = self._slope_at(int(first), start, target, np.array(scales), distance)
             if slope is not None:
                 yield slope
 
     def _slope_at(
-        self,
-        first: int,
-        start: CurveStart,
-        target: Vector,
-        scales: Vector,
-        angle_tolerance: float,
-        tolerance: float,
+        self, first: int, start: CurveStart, target: Vector, scales: Vector, distance: float
     ) -> Vector | None:
         ends, slopes = (part[first : first + 2] / scales for part in (self.parameters, self.tangents))
         length = float(self.arclength[first + 1] - self.arclength[first])
         chord = ends[1] - ends[0]
-        extent = float(np.linalg.norm(chord))
-        near = extent + length * float(np.abs(slopes).max())
-        if length <= 0.0 or float(np.linalg.norm(target - ends[0])) > 2.0 * near + _NOISE:
-            return None
-        along = 0.5 if extent == 0.0 else float((target - ends[0]) @ chord) / extent**2
+        squared = float(chord @ chord)
+        along = 0.5 if squared == 0.0 else float((target - ends[0]) @ chord) / squared
         for _ in range(_PROJECTIONS):
             there, slope = _cubic(ends, slopes, length, along)
             squared = float(slope @ slope)
@@ -119,12 +107,13 @@ class TracedCurve:
         if not -_OVERHANG <= along <= 1.0 + _OVERHANG:
             return None
         there, slope = _cubic(ends, slopes, length, along)
-        off = float(np.linalg.norm(target - there))
-        if off > tolerance * near + _NOISE or not self._same_cycle(first, along, start, angle_tolerance):
+        if float(np.linalg.norm(target - there)) > distance:
+            return None
+        if not self._same_cycle(first, along, start):
             return None
         return slope
 
-    def _same_cycle(self, first: int, along: float, start: CurveStart, angle_tolerance: float) -> bool:
+    def _same_cycle(self, first: int, along: float, start: CurveStart) -> bool:
         old, new = self.states[first], self.states[first + 1]
         guess = old + along * (new - old)
         spread = float(np.max(np.abs(new - old)))
@@ -132,7 +121,7 @@ class TracedCurve:
         if apart > max(spread, 1e-6 * max(1.0, float(np.max(np.abs(guess))))):
             return False
         angle = self.angles[first] + along * (self.angles[first + 1] - self.angles[first])
-        return start.angle is None or math.isnan(start.angle) or abs(start.angle - angle) <= angle_tolerance
+        return start.angle is None or math.isnan(start.angle) or abs(start.angle - angle) <= _ANGLE
 
 
 def _cubic(ends: Matrix, slopes: Matrix, length: float, at: float) -> tuple[Vector, Vector]:

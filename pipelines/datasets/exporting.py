@@ -9,10 +9,12 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from math import prod
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -23,52 +25,56 @@ from pipelines.datasets.schema import KINDS, Array, ArraySpec
 from pipelines.datasets.store import Store
 
 WIDEST = 64
-Format = Literal["csv", "netcdf", "mat"]
 _OF_THE_STORE = ("dimensions", "arrays", "attributes_crc32c")  # and the first is a name in netCDF itself
 _LONGEST_NAME = 63  # of a variable of MATLAB
 
 
-def planned_files(store: Store, case: str, folder: Path, kind: Format, full: bool) -> list[Path]:
-    """The files that `export_case` writes."""
-    return [path for path, _ in _files(store, case, folder, kind, full)]
+@dataclass(frozen=True)
+class PlannedFile:
+    """A file of an export, and the function that reads what belongs in it."""
+
+    path: Path
+    content: Callable[[], bytes]
 
 
-def export_case(store: Store, case: str, folder: Path, kind: Format, full: bool) -> list[Path]:
-    """Write a case into a folder: one table for every group and leading dimension (csv), a file for every
-    group (netcdf), or one for the case (mat). Each file is complete or absent.
+def planned_files(store: Store, case: str, folder: Path, kind: str, full: bool) -> list[PlannedFile]:
+    """The files of a case: one table for every group and leading dimension (``csv``), one file for every
+    group (``netcdf``), or one for the case (``mat``). Reads metadata only; raises StoreError.
+    """
+    if kind == "mat":
+        return [PlannedFile(folder / f"{case}.mat", partial(_mat, store, case, full))]
+    files = []
+    for name in list_groups(store, case):
+        stem = f"{case}-{name.split('/', 2)[2].replace('/', '-')}"
+        chosen = _chosen(store, name, full)
+        if kind == "netcdf":
+            content = partial(_netcdf, store, name, [spec.name for spec in chosen])
+            files.append(PlannedFile(folder / f"{stem}.nc", content))
+            continue
+        for dimension in dict.fromkeys(spec.dimensions[0] for spec in chosen):
+            names = [spec.name for spec in chosen if spec.dimensions[0] == dimension]
+            content = partial(_csv, store, name, names)
+            files.append(PlannedFile(folder / f"{stem}-{dimension}.csv", content))
+    return files
+
+
+def write_files(files: Sequence[PlannedFile]) -> list[Path]:
+    """Write the files, each of which is then complete or absent.
 
     Raises StoreError, OSError, and ImportError without xarray (netcdf).
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for path, content in _files(store, case, folder, kind, full):
-        replace_file(path, content(), durable=False)
-        written.append(path)
-    return written
+    for planned in files:
+        planned.path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(planned.path, planned.content(), durable=False)
+    return [planned.path for planned in files]
 
 
-def _files(store: Store, case: str, folder: Path, kind: Format, full: bool) -> Iterator[tuple[Path, Any]]:
-    """Names of files, and functions that give their bytes."""
-    if kind == "mat":
-        yield folder / f"{case}.mat", lambda: _mat(store, case, full)
-        return
-    for name in list_groups(store, case):
-        stem = f"{case}-{name.split('/', 2)[2].replace('/', '-')}"
-        group = read_group(store, name, _chosen(store, name, full))
-        if kind == "netcdf":
-            yield folder / f"{stem}.nc", lambda group=group: _netcdf(group)
-            continue
-        for dimension, arrays in _by_leading_dimension(group).items():
-            path = folder / f"{stem}-{dimension}.csv"
-            yield path, lambda group=group, arrays=arrays: _csv(group, arrays)
-
-
-def _chosen(store: Store, name: str, full: bool) -> tuple[str, ...]:
+def _chosen(store: Store, name: str, full: bool) -> tuple[ArraySpec, ...]:
     """The arrays of a group that are exported: nothing that serves only to go on."""
     group = read_group(store, name, ())
     sizes: Mapping[str, int] = group.attributes["dimensions"]
     return tuple(
-        spec.name
+        spec
         for spec in KINDS[group.kind].arrays
         if spec.name in group.attributes["arrays"]
         and KINDS[group.kind].role(spec) != "slot"
@@ -80,22 +86,15 @@ def _spec(group: Group, name: str) -> ArraySpec:
     return KINDS[group.kind].array(name)
 
 
-def _by_leading_dimension(group: Group) -> dict[str, list[str]]:
-    tables: dict[str, list[str]] = {}
-    for name in group.arrays:
-        tables.setdefault(_spec(group, name).dimensions[0], []).append(name)
-    return tables
-
-
-def _csv(group: Group, names: list[str]) -> bytes:
+def _csv(store: Store, name: str, names: Sequence[str]) -> bytes:
     """A table with a commented line on every array; entries of arrays and parts of numbers are columns."""
-    text = io.StringIO(newline="")
+    group, text = read_group(store, name, names), io.StringIO(newline="")
     columns: dict[str, Array] = {}
-    for name in names:
-        spec = _spec(group, name)
+    for array in names:
+        spec = _spec(group, array)
         unit = "" if spec.flags else f" [{spec.units}]"
-        text.write(f"# {name}: {spec.long_name}{unit}\n")
-        columns |= _columns(name, group.labels(name))
+        text.write(f"# {array}: {spec.long_name}{unit}\n")
+        columns |= _columns(array, group.labels(array))
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
@@ -115,23 +114,24 @@ def _columns(name: str, values: Array) -> dict[str, Array]:
     return columns
 
 
-def _netcdf(group: Group) -> bytes:
+def _netcdf(store: Store, name: str, names: Sequence[str]) -> bytes:
     """netCDF 3, which has no complex numbers: NAME_real and NAME_imag."""
     import xarray
 
+    group = read_group(store, name, names)
     dataset = xarray.Dataset(attrs=_plain(group.attributes))
-    for name, values in group.arrays.items():
-        spec = _spec(group, name)
+    for array, values in group.arrays.items():
+        spec = _spec(group, array)
         told: dict[str, Any] = {"long_name": spec.long_name, "units": spec.units}
         if spec.flags:
             del told["units"]
             told["flag_values"] = np.arange(-1, len(spec.flags), dtype=np.int8)
             told["flag_meanings"] = " ".join(("unset", *spec.flags))
         if np.iscomplexobj(values):
-            dataset[f"{name}_real"] = (spec.dimensions, values.real, told)
-            dataset[f"{name}_imag"] = (spec.dimensions, values.imag, told)
+            dataset[f"{array}_real"] = (spec.dimensions, values.real, told)
+            dataset[f"{array}_imag"] = (spec.dimensions, values.imag, told)
         else:
-            dataset[name] = (spec.dimensions, values, told)
+            dataset[array] = (spec.dimensions, values, told)
     return bytes(dataset.to_netcdf(engine="scipy"))
 
 
@@ -151,7 +151,7 @@ def _mat(store: Store, case: str, full: bool) -> bytes:
 
     content: dict[str, Any] = {"case_attributes": json.dumps(case_attributes(store, case))}
     for name in list_groups(store, case):
-        group = read_group(store, name, _chosen(store, name, full))
+        group = read_group(store, name, [spec.name for spec in _chosen(store, name, full)])
         struct: dict[str, Any] = {
             array[:_LONGEST_NAME]: _for_matlab(group.labels(array)) for array in group.arrays
         }

@@ -28,7 +28,7 @@ class GroupLock:
     @staticmethod
     def known(store: Path) -> list[str]:
         """Groups of a store that have a lock file: being written, or left by a writer that was killed."""
-        names = sorted(path.stem for path in (store.parent / f".{store.name}.locks").glob("*.lock"))
+        names = sorted(path.stem for path in GroupLock.file(store, "").parent.glob("*.lock"))
         return ["" if name == "store" else name.replace("+", "/") for name in names]
 
     @staticmethod

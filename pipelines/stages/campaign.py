@@ -17,12 +17,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import dask
 from distributed import Client, Event, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin, get_worker
 
 from pipelines.case.reading import NamedCase
+from pipelines.stages.pool import Pool
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.scheduling import run_task, task
 
@@ -35,28 +37,16 @@ _DEATHS = 2  # of workers with the same task, after which it is tried once more
 _WITHOUT_WORKERS = 120  # s
 _CONNECTION_TIMEOUT = 15  # s
 
-SETTINGS = {
-    "distributed.scheduler.allowed-failures": 0,
-    "distributed.scheduler.work-stealing": False,  # tasks are long: moving them is no gain
-    "distributed.worker.memory.terminate": False,
-    "distributed.worker.memory.pause": False,
-    "distributed.admin.log-format": "%(message)s",
-    "logging": {"distributed": "critical", "tornado": "critical"},
-}
+SETTINGS: Mapping[str, Any] = MappingProxyType(
+    {
+        "distributed.scheduler.allowed-failures": 0,  # a dead worker's task comes back here at once
+        "logging": {"distributed": "critical", "tornado": "critical"},
+    }
+)
 
 
 class ClusterError(RuntimeError):
     """There is no cluster at the address."""
-
-
-@dataclass(frozen=True)
-class Pool:
-    """Where tasks run: ``workers`` processes on this machine, or the cluster whose scheduler has ``address``
-    (``tcp://host:port``), whose workers see the store under the same path.
-    """
-
-    workers: int = 1
-    address: str | None = None
 
 
 def run_campaign(
@@ -74,7 +64,7 @@ def run_campaign(
     `run_stages` does.
     """
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set(SETTINGS))
+        stack.enter_context(dask.config.set(dict(SETTINGS)))
         client = stack.enter_context(_client(pool, len(cases), stack))
         client.register_plugin(_IgnoreInterrupts(), name="agfb-interrupts")
         events: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()

@@ -94,10 +94,17 @@ def is_self_excited(case: Case) -> bool:
     )
 
 
+def parameter_scale(case: Case, name: str) -> float:
+    """The change of a continued parameter that counts as one: of a foil stiffness the case's own value."""
+    return float(parameter_vector(case)[film.FOIL_STIFFNESS]) if name == "foil_stiffness" else 1.0
+
+
 def continuation_options(case: Case, direction: int) -> ContinuationOptions:
-    """Options of the arclength continuation; foil stiffnesses count relative to the first one."""
+    """Options of the arclength continuation; foil stiffnesses count relative to that of the start."""
     table = case.continue_cycles
-    start = parameter_vector(case)[film.FOIL_STIFFNESS] if table.start is None else table.start
+    scale = parameter_scale(case, table.parameter)
+    if table.parameter == "foil_stiffness" and table.start is not None:
+        scale = table.start
     return ContinuationOptions(
         range=table.range,
         direction=direction,
@@ -105,6 +112,6 @@ def continuation_options(case: Case, direction: int) -> ContinuationOptions:
         minimum_step=table.minimum_step,
         maximum_step=table.maximum_step,
         max_points=table.max_points,
-        parameter_scale=float(start) if table.parameter == "foil_stiffness" else 1.0,
+        parameter_scale=scale,
         detection=DetectionOptions(event_tolerance=0.01 * case.numerics.event_tolerance),
     )

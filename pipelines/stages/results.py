@@ -34,7 +34,7 @@ class StageResult:
     a sentence that tells the user what to change. `summary` holds the few numbers worth a line on the
     terminal (plain scalars only; NaN is not allowed, None stands for a missing number). `failed_by` tells a
     case that cannot be computed from a store that cannot be read and from an error of this program, whose
-    `traceback` is kept, and from `seconds`, how long it took; all three are filled in by the scheduling.
+    `traceback` is kept. The scheduling fills in these, and the `seconds` that the stage took.
     """
 
     case_id: str

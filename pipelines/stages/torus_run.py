@@ -17,10 +17,9 @@ from pipelines.bifurcations.torus import (
 )
 from pipelines.bifurcations.torus_continuation import continue_torus
 from pipelines.bifurcations.torus_problem import TorusProblem
-from pipelines.case.models import PARAMETERS
 from pipelines.datasets.branch import BranchWriter, open_branch
-from pipelines.machine.assembly import parameter_vector
 from pipelines.stages.branch_run import NO_START
+from pipelines.stages.cycle_problem import parameter_scale
 from pipelines.stages.cycle_start import NoStart
 from pipelines.stages.job import Job
 from pipelines.stages.torus_rows import TorusRecorder, resumed_state, static_arrays, torus_sizes
@@ -95,7 +94,6 @@ def _run(
 def torus_options(job: Job, direction: int) -> TorusOptions:
     """Options of the continuation from the case's table; foil stiffnesses count relative to the case's."""
     table = job.case.case.continue_tori
-    own = float(parameter_vector(job.case.case)[PARAMETERS.index(table.parameter)])
     return TorusOptions(
         range=table.range,
         direction=direction,
@@ -103,7 +101,7 @@ def torus_options(job: Job, direction: int) -> TorusOptions:
         minimum_step=table.minimum_step,
         maximum_step=table.maximum_step,
         max_points=table.max_points,
-        parameter_scale=own if table.parameter == "foil_stiffness" else 1.0,
+        parameter_scale=parameter_scale(job.case.case, table.parameter),
     )
 
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from pipelines.case.reading import NamedCase, read_cases
-from pipelines.stages.campaign import Pool, run_campaign
+from pipelines.stages.campaign import run_campaign
+from pipelines.stages.pool import Pool
 from pipelines.stages.preparation import prepare_store
 from pipelines.stages.results import Progress, StageResult
 from pipelines.stages.scheduling import run_stages

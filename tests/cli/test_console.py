@@ -112,7 +112,7 @@ def test_without_a_terminal_a_line_every_few_seconds(capsys: pytest.CaptureFixtu
     clock = Clock()
     reporter = ProgressReporter(Console(), clock)
     reports(30, clock, reporter, seconds=1.0)
-    reporter.close()
+    reporter.ended("continue_cycles", "smoke")
     err = capsys.readouterr().err
     assert "\r" not in err
     assert "\x1b" not in err
@@ -135,7 +135,7 @@ def test_on_a_terminal_one_line_is_overwritten(monkeypatch: pytest.MonkeyPatch) 
     clock = Clock()
     reporter = ProgressReporter(Console(), clock)
     reports(10, clock, reporter, seconds=1.0)
-    reporter.close()
+    reporter.ended("continue_cycles", "smoke")
     frames = terminal.getvalue().split("\r\x1b[K")
     assert len(frames) == 1 + 10 + 1
     assert frames[1].startswith("continue-cycles smoke: 1/200")
@@ -149,7 +149,7 @@ def test_quiet_shows_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
     reporter = ProgressReporter(Console(quiet=True), clock)
     reports(10, clock, reporter, seconds=10.0)
-    reporter.close()
+    reporter.ended("continue_cycles", "smoke")
     assert terminal.getvalue() == ""
 
 

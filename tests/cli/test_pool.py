@@ -7,7 +7,8 @@ import os
 import pytest
 
 from agfb_cli.errors import UsageError
-from agfb_cli.pool import PoolChoice, choose_pool
+from agfb_cli.pool import choose_pool
+from pipelines.stages.pool import Pool
 
 
 @pytest.mark.parametrize(
@@ -15,15 +16,15 @@ from agfb_cli.pool import PoolChoice, choose_pool
     [
         (None, None, None),
         (1, None, None),
-        (3, None, PoolChoice(3)),
+        (3, None, Pool(3)),
         (None, "sync", None),
         (1, "sync", None),
-        (None, "local", PoolChoice(os.cpu_count() or 1)),
-        (1, "local", PoolChoice(1)),
-        (None, "tcp://node:8786", PoolChoice(address="tcp://node:8786")),
+        (None, "local", Pool(os.cpu_count() or 1)),
+        (1, "local", Pool(1)),
+        (None, "tcp://node:8786", Pool(address="tcp://node:8786")),
     ],
 )
-def test_pool(workers: int | None, scheduler: str | None, pool: PoolChoice | None) -> None:
+def test_pool(workers: int | None, scheduler: str | None, pool: Pool | None) -> None:
     assert choose_pool(workers, scheduler) == pool
 
 

@@ -14,12 +14,14 @@ from scipy.io import loadmat
 from typer.testing import CliRunner
 
 from agfb_cli.main import app
-from pipelines.datasets.exporting import export_case
+from pipelines.datasets.exporting import planned_files, write_files
 from pipelines.datasets.reading import read_group
-from pipelines.datasets.store import open_for_reading
+from pipelines.datasets.store import Store, open_for_reading
 from tests.helpers.synthetic import GROUP
 
-NAMES = ("speed", "journal", "multipliers", "direction", "newton_iterations")
+
+def export_case(store: Store, case: str, folder: Path, kind: str, full: bool) -> list[Path]:
+    return write_files(planned_files(store, case, folder, kind, full))
 
 
 def test_tables(finished: Path, tmp_path: Path) -> None:

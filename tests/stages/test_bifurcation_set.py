@@ -14,7 +14,7 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
 from pipelines.stages.bifurcation_set import Line, covered, lines_of_round, lowest_speed
 from pipelines.stages.curve_rows import CONTAINERS, traced
-from pipelines.stages.curve_tracking import _starts
+from pipelines.stages.curve_starts import starts_of
 from pipelines.stages.job import Job
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
@@ -57,7 +57,7 @@ def test_every_bifurcation_of_every_line_is_on_a_curve(searched: Path) -> None:
     at = job(searched)
     for kind, container in CONTAINERS.items():
         curves = [at.read(name) for name in at.groups(container)]
-        starts = list(_starts(at, kind))
+        starts = list(starts_of(at, kind))
         assert all(any(traced(curve, NAMES).holds(start.guess) for curve in curves) for start in starts), kind
         halves = [curve.attributes["half"] for curve in curves]
         assert halves == ([] if kind is EventKind.FOLD else [0, 1])

@@ -14,7 +14,7 @@ from agfb_cli.main import app
 from pipelines.datasets.errors import CorruptedError
 from pipelines.datasets.store import open_for_reading
 from pipelines.stages.verify import stored_case, verify
-from tests.helpers.tiny import Watched, tiny_case
+from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 
 CYCLES = "cases/smoke/cycles/b000"
 
@@ -66,6 +66,18 @@ def test_a_damaged_group_is_not_evaluated(store: Path) -> None:
     assert any(chunk.name in str(finding.path) or "state" in str(finding.path) for finding in findings)
     assert not [each for each in checked if each.group == CYCLES]
     assert [each for each in checked if each.group == "cases/smoke/linear"]
+
+
+def test_a_branch_is_evaluated_as_it_was_asked_for(tmp_path: Path) -> None:
+    """The store was made by a configuration whose cycles had another formulation."""
+    path = tmp_path / "a.zarr"
+    whirl = ("continue_cycles.max_points=3", "continue_cycles.range=[0.9, 1.3]", "excitation.frequency=0.7")
+    other = "continue_cycles.formulation=stroboscopic"
+    assert Watched("linearize", tiny_case(*whirl, other, config=PASSIVE), path).result.ok
+    assert Watched("continue_cycles", tiny_case(*whirl, config=PASSIVE), path).result.ok
+    findings, checked = verify(path, sample=2)
+    assert findings == []
+    assert [each.row for each in checked if "cycles" in each.group] == [0, 2]
 
 
 def test_the_case_of_a_store(store: Path) -> None:
