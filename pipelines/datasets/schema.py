@@ -230,6 +230,33 @@ def _flag(name: str, dimensions: str, long_name: str, *meanings: str) -> ArraySp
     return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "int8", meanings)
 
 
+# What several kinds share.
+PARAMETERS_OF_A_POINT = (
+    _real("speed", "point", "rotating speed, dimensionless"),
+    _real("excitation_frequency", "point", "excitation frequency of the ring, dimensionless"),
+    _real("displacement", "point", "largest vertical displacement of the ring over clearance"),
+    _real("foil_stiffness", "point", "foil stiffness of the first bearing, dimensionless"),
+)
+PLACE_ON_A_CURVE = (
+    _real("step", "point", "arclength step that the next point tries first"),
+    _real("arclength", "point", "arclength from the first point"),
+)
+MASTER_COORDINATES = (
+    _count("coordinate_node", "coordinate", "shaft node of the coordinate"),
+    _flag("coordinate_axis", "coordinate", "axis of the coordinate", "x", "y"),
+)
+
+
+def _extremes(over: str) -> tuple[ArraySpec, ...]:
+    """Extremes of a motion over its period, or whatever it covers."""
+    return (
+        _real("orbit_minimum", "point coordinate", f"smallest value over {over}, over clearance"),
+        _real("orbit_maximum", "point coordinate", f"largest value over {over}, over clearance"),
+        _real("minimum_pressure", "point bearing", f"smallest film pressure over {over}, over ambient"),
+        _real("minimum_film", "point bearing", f"smallest film thickness over {over}, over clearance"),
+    )
+
+
 MACHINE = GroupSpec(
     "machine",
     "Geometry of the machine",
@@ -354,25 +381,18 @@ CYCLES = GroupSpec(
     "cycles",
     "A branch of limit cycles with Floquet multipliers and located bifurcations",
     (
-        _real("speed", "point", "rotating speed, dimensionless"),
-        _real("excitation_frequency", "point", "excitation frequency of the ring, dimensionless"),
-        _real("displacement", "point", "largest vertical displacement of the ring over clearance"),
-        _real("foil_stiffness", "point", "foil stiffness of the first bearing, dimensionless"),
+        *PARAMETERS_OF_A_POINT,
         _real("period", "point", "period, dimensionless"),
         _real("state", "point component", "state at the start of the period"),
         _real("tangent", "point extended", "unit tangent of the branch: state, [period], parameter"),
-        _real("step", "point", "arclength step that the next point tries first"),
-        _real("arclength", "point", "arclength from the first point"),
+        *PLACE_ON_A_CURVE,
         _flag("direction", "point", "direction in which the continued parameter moves", "down", "up"),
         _complex("multipliers", "point multiplier", "slow Floquet multipliers, largest first", padded=True),
         _real("multiplier_residual", "point multiplier", "norm of M v - mu v for unit v", padded=True),
         _count("multiplier_count", "point", "number of multipliers stored"),
         _count("unstable_count", "point", "multipliers outside the unit circle, trivial ones left out"),
         _real("orbit", "point sample coordinate", "orbit of the master nodes over clearance"),
-        _real("orbit_minimum", "point coordinate", "smallest value over the period, over clearance"),
-        _real("orbit_maximum", "point coordinate", "largest value over the period, over clearance"),
-        _real("minimum_pressure", "point bearing", "smallest film pressure over the period, over ambient"),
-        _real("minimum_film", "point bearing", "smallest film thickness over the period, over clearance"),
+        *_extremes("the period"),
         _real(
             "minimum_film_trace",
             "point sample bearing",
@@ -412,8 +432,7 @@ CYCLES = GroupSpec(
         _real("theta", "bearing theta", "circumferential angle", "rad"),
         _real("sample", "sample", "time of the samples over the period"),
         _real("snapshot", "snapshot", "time of the snapshots over the period"),
-        _count("coordinate_node", "coordinate", "shaft node of the coordinate"),
-        _flag("coordinate_axis", "coordinate", "axis of the coordinate", "x", "y"),
+        *MASTER_COORDINATES,
         _flag(
             "event_kind",
             "event",
@@ -447,10 +466,7 @@ TORI = GroupSpec(
     "tori",
     "A branch of quasi-periodic orbits, as invariant curves of the map over an excitation period",
     (
-        _real("speed", "point", "rotating speed, dimensionless"),
-        _real("excitation_frequency", "point", "excitation frequency of the ring, dimensionless"),
-        _real("displacement", "point", "largest vertical displacement of the ring over clearance"),
-        _real("foil_stiffness", "point", "foil stiffness of the first bearing, dimensionless"),
+        *PARAMETERS_OF_A_POINT,
         _real("period", "point", "period of the map, dimensionless"),
         _real(
             "rotation",
@@ -476,8 +492,7 @@ TORI = GroupSpec(
         ),
         _real("tail", "point", "what the Fourier series of the curve lacks, largest state component"),
         _real("residual", "point", "largest component by which an image misses the curve"),
-        _real("step", "point", "arclength step that the next point tries first"),
-        _real("arclength", "point", "arclength from the first point"),
+        *PLACE_ON_A_CURVE,
         _flag("direction", "point", "direction in which the continued parameter moves", "down", "up"),
         _real(
             "moduli", "point multiplier", "moduli of the multipliers of the curve, largest first", padded=True
@@ -497,10 +512,7 @@ TORI = GroupSpec(
         _real(
             "section_curve", "point curve coordinate", "invariant curve of the master nodes over clearance"
         ),
-        _real("orbit_minimum", "point coordinate", "smallest value over the torus, over clearance"),
-        _real("orbit_maximum", "point coordinate", "largest value over the torus, over clearance"),
-        _real("minimum_pressure", "point bearing", "smallest film pressure over the torus, over ambient"),
-        _real("minimum_film", "point bearing", "smallest film thickness over the torus, over clearance"),
+        *_extremes("the torus"),
         _count("newton_iterations", "point", "Newton-Picard iterations"),
         _count("steps_per_period", "point", "time steps of one period"),
         _real("step_error", "point", "estimated error of an image by the time steps (implicit stepper only)"),
@@ -516,8 +528,7 @@ TORI = GroupSpec(
         _count("basis_columns", "slot", "columns of the bases that are used"),
         _count("basis_leading", "slot", "columns of the bases that are smooth along the curve"),
         _real("curve", "curve", "second angle of the points of section_curve", "rad"),
-        _count("coordinate_node", "coordinate", "shaft node of the coordinate"),
-        _flag("coordinate_axis", "coordinate", "axis of the coordinate", "x", "y"),
+        *MASTER_COORDINATES,
     ),
     row="point",
     coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
@@ -527,15 +538,11 @@ CURVE = GroupSpec(
     "curve",
     "A curve of period doublings, Neimark-Sacker points or folds over two parameters",
     (
-        _real("speed", "point", "rotating speed, dimensionless"),
-        _real("excitation_frequency", "point", "excitation frequency of the ring, dimensionless"),
-        _real("displacement", "point", "largest vertical displacement of the ring over clearance"),
-        _real("foil_stiffness", "point", "foil stiffness of the first bearing, dimensionless"),
+        *PARAMETERS_OF_A_POINT,
         _real("period", "point", "period of the cycle, dimensionless"),
         _real("state", "point component", "state at the start of the period"),
         _real("parameter_tangent", "point free", "d(free parameters) / d(arclength) along the curve"),
-        _real("step", "point", "arclength step that the next point tries first"),
-        _real("arclength", "point", "arclength from the first point"),
+        *PLACE_ON_A_CURVE,
         _real("angle", "point", "argument of the critical multiplier", "rad"),
         _real("kappa", "point", "cosine of the argument of the critical multiplier"),
         _real("kappa_slope", "point", "d kappa / d(arclength)"),
@@ -561,10 +568,7 @@ CURVE = GroupSpec(
             "subcritical",
             "supercritical",
         ),
-        _real("orbit_minimum", "point coordinate", "smallest value over the period, over clearance"),
-        _real("orbit_maximum", "point coordinate", "largest value over the period, over clearance"),
-        _real("minimum_pressure", "point bearing", "smallest film pressure over the period, over ambient"),
-        _real("minimum_film", "point bearing", "smallest film thickness over the period, over clearance"),
+        *_extremes("the period"),
         _count("newton_iterations", "point", "iterations of the corrector"),
         _real("newton_history", "point iteration", "residual norm before each iteration", padded=True),
         _real("alignment", "point", "cosine of the angle between left and right critical vectors"),
@@ -592,8 +596,7 @@ CURVE = GroupSpec(
             padded=True,
         ),
         _count("basis_columns", "slot", "columns of the basis that are used"),
-        _count("coordinate_node", "coordinate", "shaft node of the coordinate"),
-        _flag("coordinate_axis", "coordinate", "axis of the coordinate", "x", "y"),
+        *MASTER_COORDINATES,
         _flag(
             "event_kind",
             "event",
@@ -755,8 +758,7 @@ TRANSIENT = GroupSpec(
             "full state: pressures and foil displacements of both bearings, rotor",
         ),
         _real("checkpoint_extremes", "checkpoint extreme", "extremes since the last sample, for going on"),
-        _count("coordinate_node", "coordinate", "shaft node of the coordinate"),
-        _flag("coordinate_axis", "coordinate", "axis of the coordinate", "x", "y"),
+        *MASTER_COORDINATES,
         _count("plane_node", "plane", "shaft node of the unbalance"),
         _real("plane_moment", "plane", "unbalance of the plane", "kg m"),
         _real("plane_phase", "plane", "angular position of the unbalance on the rotor", "rad"),

@@ -17,11 +17,9 @@ import numpy as np
 
 from pipelines.case.models import PARAMETERS, Case
 from pipelines.case.reading import NamedCase
-from pipelines.case.settings import ContinueCycles
 from pipelines.datasets.errors import CorruptedError
 from pipelines.datasets.integrity import Finding
 from pipelines.datasets.integrity import verify as verify_files
-from pipelines.datasets.metadata import RECOMPUTE
 from pipelines.datasets.reading import list_cases, list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, open_for_reading
@@ -106,8 +104,7 @@ def _equilibria(store: Store, group: str, case: Case, machine: Machine, sample: 
 def _cycles(store: Store, group: str, case: Case, machine: Machine, sample: int) -> Iterator[Checked]:
     """Mismatches of stored cycles after their period, relative to the largest component as Newton's are."""
     rows = read_group(store, group, ("state", "period", "steps_per_period", *PARAMETERS))
-    problem = cycle_problem(machine, _as_asked(case, rows))
-    period_map = turned(problem, int(rows.attributes.get("turns", 1))).period_map
+    period_map = turned(cycle_problem(machine, case), int(rows.attributes.get("turns", 1))).period_map
     for row in _spread(np.arange(rows.n_points), sample):
         state, parameters = rows["state"][row], _parameters(rows, row)
         steps = int(rows["steps_per_period"][row])
@@ -115,20 +112,6 @@ def _cycles(store: Store, group: str, case: Case, machine: Machine, sample: int)
         scale = max(1.0, float(np.max(np.abs(state))))
         mismatch = float(np.max(np.abs(image.state - state))) / scale
         yield Checked(group, row, mismatch, _SLACK * case.numerics.newton_tolerance)
-
-
-def _as_asked(case: Case, group: Group) -> Case:
-    """The case with the table that the branch was made from, which may have changed since the store was made.
-
-    Raises CorruptedError for a request that is none.
-    """
-    if group.kind != "cycles":
-        return case
-    try:
-        table = ContinueCycles.model_validate(group.attributes["request"])
-    except (KeyError, ValueError) as error:
-        raise CorruptedError(f"the request of {group.name} cannot be read", RECOMPUTE) from error
-    return case.model_copy(update={"continue_cycles": table})
 
 
 def _parameters(rows: Group, row: int) -> np.ndarray:
