@@ -21,6 +21,7 @@ import zarr
 from pipelines.datasets.chunks import open_array, read_array
 from pipelines.datasets.durable import make_folder, replace_file, sweep_partials
 from pipelines.datasets.errors import OtherConfigurationError, StoreError
+from pipelines.datasets.layout import ArrayLayout, layout
 from pipelines.datasets.locking import GroupLock
 from pipelines.datasets.metadata import (
     METADATA,
@@ -39,7 +40,7 @@ from pipelines.datasets.records import (
     fit_all,
     with_role,
 )
-from pipelines.datasets.schema import KINDS, Array, ArrayLayout, layout
+from pipelines.datasets.schema import KINDS, Array
 from pipelines.datasets.store import Store, ensure_container
 
 RESERVED = frozenset(

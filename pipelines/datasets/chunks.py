@@ -11,8 +11,9 @@ import numpy as np
 import zarr
 
 from pipelines.datasets.errors import CorruptedError
+from pipelines.datasets.layout import ArrayLayout
 from pipelines.datasets.metadata import RECOMPUTE, regular_file_size
-from pipelines.datasets.schema import Array, ArrayLayout
+from pipelines.datasets.schema import Array
 from pipelines.datasets.store import Store
 
 _CHECKSUM_BYTES = 4

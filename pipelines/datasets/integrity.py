@@ -11,9 +11,10 @@ import numpy as np
 from pipelines.datasets.chunks import read_array
 from pipelines.datasets.durable import PARTIAL
 from pipelines.datasets.errors import StoreError
+from pipelines.datasets.layout import ArrayLayout
 from pipelines.datasets.metadata import METADATA, GroupMetadata, read_group_metadata
 from pipelines.datasets.reading import committed_rows
-from pipelines.datasets.schema import KINDS, ArrayLayout
+from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, open_for_reading
 
 NUMBERED = ("point", "sample")

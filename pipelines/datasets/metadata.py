@@ -20,15 +20,8 @@ import google_crc32c
 import numpy as np
 
 from pipelines.datasets.errors import CorruptedError, ForeignStoreError, StoreError
-from pipelines.datasets.schema import (
-    CONVENTIONS,
-    KINDS,
-    LARGEST_ROWS,
-    SCHEMA_VERSION,
-    ArrayLayout,
-    array_metadata,
-    layout,
-)
+from pipelines.datasets.layout import CONVENTIONS, LARGEST_ROWS, ArrayLayout, array_metadata, layout
+from pipelines.datasets.schema import KINDS, SCHEMA_VERSION
 
 METADATA = "zarr.json"
 CHECKSUM = "attributes_crc32c"

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.datasets.chunks import read_array
+from pipelines.datasets.layout import ArrayLayout
 from pipelines.datasets.metadata import (
     CASE,
     CONTAINER,
@@ -16,7 +17,7 @@ from pipelines.datasets.metadata import (
     read_group_metadata,
 )
 from pipelines.datasets.records import Group
-from pipelines.datasets.schema import KINDS, Array, ArrayLayout
+from pipelines.datasets.schema import KINDS, Array
 from pipelines.datasets.store import Store, open_for_reading
 
 

@@ -8,7 +8,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pipelines.datasets.schema import KINDS, SLOT, Array, ArrayLayout, Role, layout
+from pipelines.datasets.layout import ArrayLayout, layout
+from pipelines.datasets.schema import KINDS, SLOT, Array, Role
 
 Values = Mapping[str, Any]
 RUNNING, ENDED, COMPLETE = "running", "ended", "complete"

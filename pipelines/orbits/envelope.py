@@ -27,10 +27,21 @@ def windowed_envelope(values: Array, window: int) -> Envelope:
     The samples at the end that do not fill a window belong to the last one. Raises ValueError for an empty
     window and for fewer samples than one window holds.
     """
-    if window < 1 or len(values) < window:
-        raise ValueError(f"a window of {window} samples of {len(values)} that there are")
-    first = np.arange(len(values) // window) * window
+    first = _starts(len(values), window)
     return Envelope(first, np.minimum.reduceat(values, first), np.maximum.reduceat(values, first))
+
+
+def windowed_mean(values: Array, window: int) -> Array:
+    """Mean of ``values`` (samples, ...) in the windows of `windowed_envelope`; ValueError as there."""
+    first = _starts(len(values), window)
+    counts = np.diff(np.append(first, len(values)))
+    return np.asarray(np.add.reduceat(values, first) / counts.reshape(-1, *[1] * (values.ndim - 1)))
+
+
+def _starts(count: int, window: int) -> NDArray[np.intp]:
+    if window < 1 or count < window:
+        raise ValueError(f"a window of {window} samples of {count} that there are")
+    return np.arange(count // window) * window
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import Scales
 from pipelines.case.transient_settings import unbalance_moments
+from pipelines.datasets.layout import LARGEST_ROWS
 from pipelines.datasets.reading import read_group
-from pipelines.datasets.schema import LARGEST_ROWS
 from pipelines.datasets.store import Store
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector

@@ -19,10 +19,10 @@ from hypothesis.extra import numpy as hnp
 from pipelines.datasets import durable
 from pipelines.datasets.branch import open_branch, write_group
 from pipelines.datasets.errors import LockedStoreError, OtherConfigurationError, StoreError
+from pipelines.datasets.layout import ArrayLayout, layout
 from pipelines.datasets.locking import GroupLock
 from pipelines.datasets.reading import describe, read_branch, read_group
 from pipelines.datasets.records import MemoryBranch
-from pipelines.datasets.schema import ArrayLayout, layout
 from pipelines.datasets.store import Store, open_for_reading, open_for_writing
 from tests.helpers.synthetic import (
     FULL,

@@ -10,7 +10,8 @@ import zarr
 from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.storage import MemoryStore
 
-from pipelines.datasets.schema import CHUNK_BYTES, KINDS, ArrayLayout, GroupSpec, array_metadata, layout
+from pipelines.datasets.layout import CHUNK_BYTES, ArrayLayout, array_metadata, layout
+from pipelines.datasets.schema import KINDS, GroupSpec
 
 SIZES = {dimension: 3 for kind in KINDS.values() for spec in kind.arrays for dimension in spec.dimensions}
 LAYOUTS = [a for k in KINDS.values() for a in layout(k.kind, {**SIZES, "slot": 2}).values()]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from pipelines.datasets.branch import BranchWriter, open_branch, write_group
+from pipelines.datasets.layout import ArrayLayout, layout
 from pipelines.datasets.records import Branch, Resume
-from pipelines.datasets.schema import ArrayLayout, layout
 from pipelines.datasets.store import Store, create_store, open_for_writing
 
 GROUP = "cases/synthetic/cycles/b000"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipelines.orbits.envelope import growth_rate, windowed_envelope
+from pipelines.orbits.envelope import growth_rate, windowed_envelope, windowed_mean
 
 
 def test_every_sample_belongs_to_one_window():
@@ -14,6 +14,7 @@ def test_every_sample_belongs_to_one_window():
     np.testing.assert_array_equal(found.first, [0, 2])
     np.testing.assert_array_equal(found.low, [[1.0, 0.0], [0.0, -1.0]])
     np.testing.assert_array_equal(found.high, [[3.0, 5.0], [7.0, 9.0]])
+    np.testing.assert_allclose(windowed_mean(values, 2), [[2.0, 2.5], [3.0, 4.0]], rtol=1e-15)
 
 
 def test_the_envelope_of_a_growing_sine_grows_like_it():
