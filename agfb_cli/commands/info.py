@@ -55,6 +55,8 @@ def show(content: Mapping[str, Any], console: Console) -> None:
             rows.append((name, group, points, state["n_events"], reason))
             if state["stop_advice"]:
                 console.detail(f"{name} {group}: {state['stop_advice']}")
-        if not set(described["groups"]) - {"machine"}:
+        for stage, why in described["failures"].items():
+            rows.append((name, stage.replace("_", "-"), None, None, f"failed: {words(why['reason'])}"))
+        if not set(described["groups"]) - {"machine"} and not described["failures"]:
             rows.append((name, "nothing computed yet", None, None, None))
     console.data(table(("case", "group", "points", "events", "status"), rows))

@@ -184,6 +184,7 @@ def compute(
     interruption: Interruption,
 ) -> Outcome:
     """Run the stages on all cases: here one after the other, in a pool side by side."""
+    from pipelines.stages.recording import recorded
     from pipelines.stages.scheduling import run_stages, stage_function
 
     outcome = Outcome()
@@ -199,7 +200,7 @@ def compute(
         from pipelines.stages.campaign import run_campaign
 
         arriving = run_campaign(*work, request.pool, reporter, interruption.requested)
-    for stage, result in arriving:
+    for stage, result in recorded(arriving, request.store, interruption.requested):
         outcome.results.append((stage, result))
         reporter.ended(stage, result.case_id)
         if not interruption.requested():

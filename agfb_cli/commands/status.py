@@ -16,6 +16,7 @@ from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbo
 from agfb_cli.progress import duration
 
 if TYPE_CHECKING:
+    from pipelines.datasets.failures import Failure
     from pipelines.datasets.watching import GroupState
 
 Watch = Annotated[
@@ -38,24 +39,30 @@ def status(
     """Show how far a run is, from another shell.
 
     Of each case what is being written, what was interrupted and what has ended, how many points there are and
-    how long ago the last one was committed. Only metadata are read, and no lock is taken. With -v groups that
-    have ended are listed too, each with the reason.
+    how long ago the last one was committed; and every stage that failed, with the reason, until it succeeds.
+    Only metadata are read, and no lock is taken. With -v groups that have ended are listed too, each with the
+    reason.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         path = existing_store(store)
+        from pipelines.datasets.failures import read_failures
         from pipelines.datasets.reading import list_cases
         from pipelines.datasets.records import RUNNING
         from pipelines.datasets.store import open_for_reading
         from pipelines.datasets.watching import watch as look
 
-        chosen = matching(list_cases(open_for_reading(path)), case)
+        opened = open_for_reading(path)
+        chosen = matching(list_cases(opened), case)
         while True:
             states = [state for state in look(path) if state.case in chosen]
+            failures = [failure for name in chosen for failure in read_failures(opened, name)]
             if json:
-                console.json_data({"store": str(path), "groups": [asdict(state) for state in states]})
+                groups, failed = [asdict(state) for state in states], [asdict(each) for each in failures]
+                console.json_data({"store": str(path), "groups": groups, "failures": failed})
             else:
                 show(chosen, states, console)
+                show_failures(failures, console)
             if watch is None or not any(state.state == RUNNING for state in states):
                 return
             time.sleep(watch)
@@ -86,3 +93,12 @@ def show(cases: list[str], states: list[GroupState], console: Console) -> None:
         console.message(
             "the command that made the store goes on with what was interrupted (agfb info shows it)"
         )
+
+
+def show_failures(failures: list[Failure], console: Console) -> None:
+    """A line for every stage that failed, and the advice that came with it."""
+    for failure in failures:
+        name = f"{failure.stage.replace('_', '-')} {failure.case}"
+        console.data(f"{name}: failed: {words(failure.reason)}")
+        if failure.advice:
+            console.message(f"  {failure.advice}")

@@ -30,6 +30,7 @@ DEEPEST_METADATA = 40  # tables within tables; a configuration has 8
 CONTAINER = "container"
 ROOT = "store"
 CASE = "case"
+FAILURES = "failures"
 
 FOREIGN = "Name a store that agfb wrote"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.=,@-]*")
@@ -188,6 +189,14 @@ def _are_numbers(value: object) -> bool:
     return isinstance(value, dict) and all(type(number) in (int, float) for number in value.values())
 
 
+def _are_failures(value: object) -> bool:
+    """By the name of the stage, the reason and the advice."""
+    return isinstance(value, dict) and all(
+        isinstance(why, dict) and set(why) == {"reason", "advice"} and all(map(_is_text, why.values()))
+        for why in value.values()
+    )
+
+
 # What readers rely on, where it is there.
 _OF_RESULTS: Mapping[str, Callable[[object], bool]] = {
     "status": _is_text,
@@ -201,7 +210,7 @@ _ALLOWED: Mapping[str, Mapping[str, Callable[[object], bool]]] = {
         "versions": _is_table,
         "argv": _are_words,
     },
-    CASE: {"name": _is_text, "parameters": _is_table, "scales": _are_numbers},
+    CASE: {"name": _is_text, "parameters": _is_table, "scales": _are_numbers, FAILURES: _are_failures},
 }
 
 

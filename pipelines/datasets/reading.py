@@ -11,6 +11,7 @@ from pipelines.datasets.layout import ArrayLayout
 from pipelines.datasets.metadata import (
     CASE,
     CONTAINER,
+    FAILURES,
     METADATA,
     GroupMetadata,
     group_folder,
@@ -99,7 +100,8 @@ def _read(store: Store, group: str, metadata: GroupMetadata, array: ArrayLayout)
 
 
 def describe(store: Store | Path | str) -> dict[str, Any]:
-    """What a store holds, as plain data: root attributes, and for each case its groups with their status.
+    """What a store holds, as plain data: root attributes, and for each case its groups with their status and
+    the ``reason`` and ``advice`` of every stage that failed (see `pipelines.datasets.failures`).
 
     Only metadata are read. A group has ``kind``, ``status``, ``stop_reason``, ``stop_advice``, ``n_points``,
     ``capacity`` and ``n_events`` (None where it has no such thing).
@@ -113,7 +115,12 @@ def describe(store: Store | Path | str) -> dict[str, Any]:
 
 def _describe_case(store: Store, case: str) -> dict[str, Any]:
     groups = {group.split("/", 2)[2]: _describe_group(store, group) for group in list_groups(store, case)}
-    return {"name": case_attributes(store, case).get("name", case), "groups": groups}
+    attributes = case_attributes(store, case)
+    return {
+        "name": attributes.get("name", case),
+        "groups": groups,
+        "failures": attributes.get(FAILURES, {}),
+    }
 
 
 def _describe_group(store: Store, group: str) -> dict[str, Any]:

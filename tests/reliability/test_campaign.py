@@ -14,7 +14,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from agfb_cli.main import app
 from pipelines.datasets.integrity import verify
 from tests.helpers.poison import POISONED
 from tests.helpers.tiny import CONFIG, ROOT, TINY
@@ -127,10 +129,19 @@ def test_a_case_that_kills_its_process_fails_alone(tmp_path: Path, alone: Path) 
     preload = str(ROOT / "tests/helpers/poison.py")
     code, _, messages = run(tmp_path, "--workers", "2", DASK_DISTRIBUTED__WORKER__PRELOAD=preload)
     assert code == 3, messages
-    assert f"continue-cycles {POISONED}: failed: the process that computed it died 3 times" in messages
+    why = f"continue-cycles {POISONED}: failed: the process that computed it died 3 times"
+    assert why in messages
     assert points(tmp_path) == [5 if case != POISONED else 0 for case in CASES]
+    assert why in status(tmp_path)
     assert run(tmp_path, "--workers", "2")[0] == 0, "without the poison"
+    assert "failed" not in status(tmp_path)
     assert_same(alone, tmp_path)
+
+
+def status(folder: Path) -> str:
+    done = CliRunner().invoke(app, ["status", str(folder / "run.zarr")])
+    assert done.exit_code == 0
+    return done.stdout
 
 
 @pytest.fixture
