@@ -1,11 +1,31 @@
 """One BLAS thread for every test, as the command sets it for itself: spinning threads slow small matrices.
 
-Set before numpy is imported.
+Set before numpy is imported. And how hard the tests of reliability try: `make torture` asks for more.
 """
 
 from __future__ import annotations
 
 import os
 
+import pytest
+from hypothesis import HealthCheck, settings
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+
+# the same examples in every run; `make torture` draws new ones
+settings.register_profile("steady", derandomize=True, deadline=None, database=None)
+settings.register_profile(
+    "torture", max_examples=10_000, deadline=None, suppress_health_check=list(HealthCheck)
+)
+settings.load_profile("steady")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--kills", type=int, default=20, help="processes that each of the killing tests kills")
+
+
+@pytest.fixture(scope="session")
+def kills(pytestconfig: pytest.Config) -> int:
+    """How many processes a test kills at random moments."""
+    return int(pytestconfig.getoption("kills"))
