@@ -5,7 +5,7 @@ BIN := .venv/bin
 INSTALLED := .venv/installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install test lint smoke figures bench clean
+.PHONY: help install test torture lint smoke figures bench clean
 
 help: ## show this list
 	@grep -E '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 10
@@ -19,6 +19,9 @@ $(INSTALLED): pyproject.toml
 
 test: $(INSTALLED) ## run the tests (WORKERS processes)
 	$(BIN)/python -m pytest -n $(WORKERS)
+
+torture: $(INSTALLED) ## kill 500 processes in every test of reliability, try 10000 configurations (hours)
+	$(BIN)/python -m pytest tests/reliability --kills 500 --hypothesis-profile torture
 
 lint: $(INSTALLED) ## check style and types
 	$(BIN)/ruff check

@@ -14,7 +14,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -22,6 +22,7 @@ from typing import Any
 
 import dask
 from distributed import Client, Event, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin, get_worker
+from distributed.comm.core import CommClosedError
 
 from pipelines.case.reading import NamedCase
 from pipelines.stages.pool import Pool
@@ -65,8 +66,8 @@ def run_campaign(
     """
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(dict(SETTINGS)))
+        stack.enter_context(_lost_connections())
         client = stack.enter_context(_client(pool, len(cases), stack))
-        client.register_plugin(_IgnoreInterrupts(), name="agfb-interrupts")
         events: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         client.subscribe_topic(_TOPIC, lambda event: events.put(event[1]))
         stack.callback(client.unsubscribe_topic, _TOPIC)
@@ -76,6 +77,15 @@ def run_campaign(
         yield from _Campaign(
             client, stop, _told(events, report), should_stop, store_path.resolve(), waiting
         ).results()
+
+
+@contextmanager
+def _lost_connections() -> Iterator[None]:
+    """To Dask a lost connection is an error of the operating system; it is none of the disk's."""
+    try:
+        yield
+    except CommClosedError as error:
+        raise ClusterError(f"the connection to the cluster is lost: {error}") from error
 
 
 def _client(pool: Pool, cases: int, stack: ExitStack) -> Client:
@@ -89,7 +99,9 @@ def _client(pool: Pool, cases: int, stack: ExitStack) -> Client:
             memory_limit=None,
             silence_logs=50,
         )
-        return Client(stack.enter_context(cluster))
+        client = Client(stack.enter_context(cluster))
+        client.register_plugin(_IgnoreInterrupts(), name="agfb-interrupts")
+        return client
     try:
         return Client(pool.address, timeout=_CONNECTION_TIMEOUT)
     except (OSError, ValueError) as error:
@@ -97,7 +109,7 @@ def _client(pool: Pool, cases: int, stack: ExitStack) -> Client:
 
 
 class _IgnoreInterrupts(WorkerPlugin):
-    """Ctrl-C reaches every process of a terminal: the driver alone decides what it means."""
+    """Ctrl-C reaches every process of a terminal: to its own workers the driver decides what it means."""
 
     def setup(self, worker: Worker) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from pathlib import Path
 
-from agfb_cli.main import app
 from pipelines.case.reading import NamedCase, read_cases
 from pipelines.stages.preparation import prepare_store
 from pipelines.stages.results import Progress, StageResult
@@ -57,10 +54,3 @@ class Watched:
 
     def _should_stop(self) -> bool:
         return self._stop_after is not None and self.finished >= self._stop_after
-
-
-def run_command(folder: Path, words: list[str]) -> None:
-    """What `python -m agfb_cli WORDS` does in a folder, for a process that has imported everything."""
-    os.chdir(folder)
-    sys.argv = ["agfb", *words]
-    app(words, prog_name="agfb")

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,6 +19,8 @@ from typer.testing import CliRunner
 
 from agfb_cli.main import app
 from pipelines.datasets.integrity import verify
+from tests.helpers import forked
+from tests.helpers.cluster import cluster as small_cluster
 from tests.helpers.poison import POISONED
 from tests.helpers.tiny import CONFIG, ROOT, TINY
 from tests.helpers.trees import compare_trees
@@ -30,8 +33,9 @@ OVERRIDES = (
     "continue_cycles.max_points=5",
 )
 CASES = [f"displacement={value:g}" for value in DISPLACEMENTS]
-COMMAND = [sys.executable, "-m", "agfb_cli", "continue", str(CONFIG), "-o", "run.zarr"]
-COMMAND += [word for override in OVERRIDES for word in ("--set", override)]
+WORDS = ["continue", str(CONFIG), "-o", "run.zarr"]
+WORDS += [word for override in OVERRIDES for word in ("--set", override)]
+COMMAND = [sys.executable, "-m", "agfb_cli", *WORDS]
 
 
 def start(folder: Path, *words: str, **variables: str) -> subprocess.Popen[str]:
@@ -178,6 +182,49 @@ def test_a_worker_of_a_cluster_is_killed(
     _, messages = process.communicate(timeout=150)
     assert process.returncode == 0, messages
     assert_same(alone, tmp_path / "driver")
+
+
+def test_killed_drivers_and_workers(tmp_path: Path, alone: Path, kills: int) -> None:
+    """Every second kill is one of the driver. A task of a dead driver goes on, and its case is locked until
+    it has ended; a case whose workers were killed three times has failed until it is computed again.
+    """
+    moments, left, folders, codes = random.Random(5), kills, 0, Counter[int]()
+    with small_cluster(tmp_path, 2) as machines:
+        while left:
+            folder, code = tmp_path / f"killed{folders}", None
+            folders += 1
+            while code != 0:
+                process = forked.start(folder, [*WORDS, "--scheduler", machines.address])
+                while left and process.exitcode is None:
+                    wanted = sum(points(folder)) + moments.choice((0, 1, 1, 2))
+                    forked.wait_for(lambda at=folder, wanted=wanted: sum(points(at)) >= wanted, process)
+                    time.sleep(moments.uniform(0.0, 0.3))
+                    if process.exitcode is None:
+                        left -= 1
+                        if left % 2:
+                            process.kill()
+                            break
+                        machines.kill_worker(moments.randrange(2))
+                code = forked.finish(process)
+                codes[code] += 1
+                told = forked.messages(folder)
+                assert code in (0, 3, 4, -signal.SIGKILL), told
+                assert code != 4 or "is being written by" in told
+                assert code != 3 or "the process that computed it died 3 times" in told
+            assert_same(alone, folder)
+    assert codes[-signal.SIGKILL] == kills // 2
+
+
+def test_the_scheduler_dies(tmp_path: Path, alone: Path) -> None:
+    folder = tmp_path / "driver"
+    with small_cluster(tmp_path, 1) as machines:
+        process = forked.start(folder, [*WORDS, "--scheduler", machines.address])
+        forked.wait_for(lambda: sum(points(folder)) >= 2, process)
+        machines.scheduler.kill()
+        assert forked.finish(process) == 5, forked.messages(folder)
+    assert "the connection to the cluster is lost" in forked.messages(folder)
+    assert forked.run(folder, WORDS) == 0, forked.messages(folder)
+    assert_same(alone, folder)
 
 
 def test_no_cluster_at_the_address(tmp_path: Path) -> None:

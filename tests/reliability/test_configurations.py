@@ -6,19 +6,18 @@ accepted: the share is asserted, or a generator that makes rubbish only would pa
 
 from __future__ import annotations
 
+import copy
 import math
 import re
 import string
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipelines.case.models import Case
 from pipelines.case.reading import CaseError, NamedCase, read_cases
 from pipelines.datasets.branch import sizes_of
 from pipelines.datasets.layout import layout
@@ -53,7 +52,9 @@ WORDS = st.sampled_from(
 SCALARS = st.booleans() | NUMBERS | WORDS | st.text(LETTERS, max_size=8)
 VALUES = st.recursive(
     SCALARS,
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(LETTERS, max_size=6), inner, max_size=2),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(LETTERS, max_size=6), inner, max_size=2)
+    ),
     max_leaves=5,
 )
 
@@ -88,11 +89,15 @@ def misspelt(draw: st.DrawFn, key: str) -> str:
     return key[:position] + draw(st.sampled_from(["", "x", "é", "."])) + key[position + 1 :]
 
 
+CHANGES = ("scale", "scale", "scale", "set", "delete", "misspell", "copy", "bury", "add")
+NEW_KEYS = st.sampled_from(["x", "sweep", "count", "start", "rigid", "load", "phases"])
+
+
 def change(draw: st.DrawFn, document: Table) -> None:
     """Change one thing somewhere in a document."""
     place = draw(st.sampled_from(list(places(document))))
     table, key = holder(document, place), place[-1]
-    kind = draw(st.sampled_from(["scale", "scale", "scale", "set", "delete", "misspell", "copy", "bury", "add"]))
+    kind = draw(st.sampled_from(CHANGES))
     if kind == "scale":
         table[key] = scaled(table[key], draw(st.sampled_from([0.5, 0.9, 1.0, 1.01, 1.3, 4.0, -1.0, 1e6])))
     elif kind == "set":
@@ -103,13 +108,12 @@ def change(draw: st.DrawFn, document: Table) -> None:
         table[misspelt(draw, key)] = table.pop(key)
     elif kind == "copy":
         source = draw(st.sampled_from(list(places(document))))
-        if place[: len(source)] != source:  # not into itself
-            table[key] = holder(document, source)[source[-1]]
+        table[key] = copy.deepcopy(holder(document, source)[source[-1]])
     elif kind == "bury":
         for _ in range(draw(st.sampled_from([1, 3, 120]))):
             table[key] = [table[key]] if draw(st.booleans()) else {"a": table[key]}
     elif isinstance(table, dict):
-        table[draw(st.sampled_from(["x", "sweep", "count", "start", "rigid", "load", "phases"]))] = draw(VALUES)
+        table[draw(NEW_KEYS)] = draw(VALUES)
 
 
 def as_toml(value: Any) -> str:
@@ -139,7 +143,8 @@ def documents(draw: st.DrawFn) -> str:
 @st.composite
 def damaged_texts(draw: st.DrawFn) -> str:
     """A shipped configuration with lines taken out, doubled, swapped or overwritten."""
-    lines = (draw(st.sampled_from(sorted(TEXTS.values()))) + draw(st.sampled_from(["", *SEVERAL]))).split("\n")
+    text = draw(st.sampled_from(sorted(TEXTS.values()))) + draw(st.sampled_from(["", *SEVERAL]))
+    lines = text.split("\n")
     for _ in range(draw(st.integers(1, 3))):
         first, second = (draw(st.integers(0, len(lines) - 1)) for _ in range(2))
         kind = draw(st.sampled_from(["out", "double", "swap", "cut", "write"]))
@@ -187,11 +192,14 @@ def outcome(text: str, overrides: list[str]) -> str:
     try:
         cases = read_cases(text, "any.toml", overrides)
     except CaseError as error:
-        assert error.problems
-        for problem in error.problems:
-            check_problem(problem, text)
+        problems = error.problems
+    else:
+        problems = ()
+        assert cases
+    for problem in problems:
+        check_problem(problem, text)
+    if problems:
         return "refused"
-    assert cases
     for named in cases[:MOST_CASES_BUILT]:
         check_case(named)
     return "accepted"
@@ -219,7 +227,9 @@ def check_case(named: NamedCase) -> None:
     build_machine(named.case)
 
 
-def assert_share(accepted: float, strategy: st.SearchStrategy[Any], split: Callable[[Any], tuple[str, list[str]]]) -> None:
+def assert_share(
+    accepted: float, strategy: st.SearchStrategy[Any], split: Callable[[Any], tuple[str, list[str]]]
+) -> None:
     """Run the profile's number of examples; at least so large a share of them must be accepted."""
     counts: Counter[str] = Counter()
 
@@ -233,12 +243,12 @@ def assert_share(accepted: float, strategy: st.SearchStrategy[Any], split: Calla
 
 
 def test_changed_configurations() -> None:
-    assert_share(0.15, documents(), lambda text: (text, []))
+    assert_share(0.2, documents(), lambda text: (text, []))
 
 
 def test_damaged_texts() -> None:
-    assert_share(0.15, damaged_texts(), lambda text: (text, []))
+    assert_share(0.2, damaged_texts(), lambda text: (text, []))
 
 
 def test_assignments() -> None:
-    assert_share(0.15, assignments(), lambda example: example)
+    assert_share(0.2, assignments(), lambda example: example)

@@ -2,73 +2,38 @@
 
 from __future__ import annotations
 
-import errno
 import itertools
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from pipelines.datasets import durable
 from pipelines.datasets.branch import open_branch
 from pipelines.datasets.reading import read_branch
+from tests.helpers.faults import BEFORE, fault, full_disk
 from tests.helpers.synthetic import GROUP, LEAN, compute, extend, following, open_or_create, static
 from tests.helpers.trees import compare_trees
 
 POINTS = 2
-Fail = Callable[[str, int], None]
-
-
-@pytest.fixture
-def fail_at(monkeypatch: pytest.MonkeyPatch) -> Fail:
-    """Let the k-th call of one operation fail: ``write`` leaves half a temporary file, ``replace`` a whole
-    one.
-    """
-    original = {"write": durable._write, "replace": os.replace}
-
-    def arm(operation: str, k: int) -> None:
-        calls = itertools.count(1)
-
-        def write(path: Path, data: bytes, durable: bool) -> None:
-            if operation == "write" and next(calls) == k:
-                path.write_bytes(bytes(data)[: len(data) // 2])
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            original["write"](path, data, durable)
-
-        def replace(source: Path, target: Path) -> None:
-            if operation == "replace" and next(calls) == k:
-                raise OSError(errno.EIO, os.strerror(errno.EIO))
-            original["replace"](source, target)
-
-        monkeypatch.setattr(durable, "_write", write)
-        monkeypatch.setattr(durable.os, "replace", replace)
-
-    return arm
-
-
-@pytest.mark.parametrize("operation", ["write", "replace"])
-def test_every_failing_write_resumes_to_identical_bytes(
-    tmp_path: Path, fail_at: Fail, operation: str
-) -> None:
+@pytest.mark.parametrize("step", BEFORE)
+def test_every_failing_write_resumes_to_identical_bytes(tmp_path: Path, step: str) -> None:
     undisturbed = tmp_path / "undisturbed"
     compute(undisturbed, POINTS, LEAN, durable=False)
     # each write of the whole run in the first case; the second differs only in the file left behind: every
     # seventh
-    for k in itertools.count(1, 1 if operation == "write" else 7):
+    for k in itertools.count(1, 1 if step == "write" else 7):
         path = tmp_path / f"failing{k}"
-        fail_at(operation, k)
-        failed = _error_of(lambda path=path: compute(path, POINTS, LEAN, durable=False))
+        with fault(k, full_disk(), (step,)):
+            failed = _error_of(lambda path=path: compute(path, POINTS, LEAN, durable=False))
         if failed is None:
             break  # the run has fewer than k writes
         assert Path(failed.filename).is_relative_to(tmp_path), "the message names the file"
-        fail_at(operation, 0)
         compute(path, POINTS, LEAN, durable=False)
         assert compare_trees(undisturbed, path) == [], f"after write {k} failed"
     assert k > 70, "a run of two points has more writes than that"
 
 
-def test_a_failed_commit_can_be_tried_again(tmp_path: Path, fail_at: Fail) -> None:
+def test_a_failed_commit_can_be_tried_again(tmp_path: Path) -> None:
     undisturbed = tmp_path / "undisturbed"
     compute(undisturbed, POINTS, LEAN, durable=False)
     path = tmp_path / "retried"
@@ -77,13 +42,10 @@ def test_a_failed_commit_can_be_tried_again(tmp_path: Path, fail_at: Fail) -> No
         extend(writer, POINTS - 1)
         row, slots, events = following(writer.resume_row(), writer.arrays)
         for k in range(1, len(writer.arrays) + 2):  # one write for every array, one for the group
-            fail_at("write", k)
-            with pytest.raises(OSError, match="No space left"):
-                writer.commit(
-                    row, slots, [*events, *events]
-                )  # more events than the attempt that will succeed
+            twice = [*events, *events]  # more events than the attempt that will succeed
+            with fault(k, full_disk(), ("write",)), pytest.raises(OSError, match="No space left"):
+                writer.commit(row, slots, twice)
             assert read_branch(store, GROUP).n_points == POINTS - 1
-        fail_at("write", 0)
         writer.commit(row, slots, events)
     compute(path, POINTS, LEAN, durable=False)
     assert compare_trees(undisturbed, path) == []

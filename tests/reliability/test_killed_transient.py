@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
-import random
 import shlex
 import signal
 import subprocess
@@ -16,10 +14,10 @@ from pathlib import Path
 import pytest
 
 from pipelines.datasets.integrity import verify
-from tests.helpers.tiny import CONFIG, ROOT, TINY, run_command
+from tests.helpers.forked import kill_at_random
+from tests.helpers.tiny import CONFIG, ROOT, TINY
 from tests.helpers.trees import compare_trees
 
-KILLS = 12
 BLOCKS = 24
 STORE = "run.zarr"  # the same command, and so the same argv in the store, in every folder
 GROUP = "cases/smoke/transient/t000"
@@ -64,30 +62,10 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / STORE
 
 
-def test_killed_run_resumes_to_identical_bytes(tmp_path: Path, undisturbed: Path) -> None:
-    # children are forked from a server that has imported everything: kills hit the computation, not imports
-    processes = multiprocessing.get_context("forkserver")
-    processes.set_forkserver_preload(["tests.helpers.tiny", "pipelines.stages.transient"])
-    moments, kills, folders, seen = random.Random(3), 0, 0, set()
-    while kills < KILLS:
-        folder, finished = tmp_path / f"killed{folders}", False
-        folder.mkdir()
-        folders += 1
-        while not finished:
-            process = processes.Process(target=run_command, args=(folder, WORDS))
-            process.start()
-            if kills < KILLS:
-                wanted = checkpoints(folder) + moments.choice((0, 1, 2, 5))
-                while checkpoints(folder) < wanted and process.exitcode is None:
-                    time.sleep(0.0005)
-                time.sleep(moments.uniform(0.0, 0.02))
-                if process.exitcode is None:
-                    process.kill()
-                    kills += 1
-                    seen.add(checkpoints(folder))
-            process.join()
-            finished = process.exitcode == 0
-            assert finished or process.exitcode == -signal.SIGKILL
+def test_killed_run_resumes_to_identical_bytes(tmp_path: Path, undisturbed: Path, kills: int) -> None:
+    seen = set()
+    for folder, at_kills in kill_at_random(tmp_path, WORDS, checkpoints, kills, (0, 1, 2, 5), 0.02):
+        seen.update(at_kills)
         assert compare_trees(undisturbed, folder / STORE) == []
         assert verify(folder / STORE) == []
     assert len(seen) >= 4, "the kills are spread over the life of the run"
