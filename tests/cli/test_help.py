@@ -142,7 +142,7 @@ def test_pictures_of_the_readme_exist() -> None:
 
 def test_make_targets_of_the_readme_exist() -> None:
     targets = set(re.findall(r"^([a-z]+):.*## ", (ROOT / "Makefile").read_text(), flags=re.MULTILINE))
-    assert targets == {"help", "install", "test", "lint", "smoke", "figures", "bench", "clean"}
+    assert targets == {"help", "install", "test", "torture", "lint", "smoke", "figures", "bench", "clean"}
     assert set(re.findall(r"`?make ([a-z]+)", README)) <= targets
 
 
