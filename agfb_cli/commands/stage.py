@@ -150,7 +150,10 @@ def execute(stages: Stages, request: Request, console: Console, admit: Admit | N
         return Outcome()
     with Interruption(console) as interruption:
         prepare(request, named_cases, console)
-        outcome = compute(stages, chosen, request, console, interruption)
+        from pipelines.datasets.watching import command_lock
+
+        with command_lock(request.store):
+            outcome = compute(stages, chosen, request, console, interruption)
     if interruption.exit_code is not None:
         show_interruption(outcome, request, console)
         raise typer.Exit(interruption.exit_code)

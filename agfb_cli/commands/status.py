@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,14 +18,38 @@ from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbo
 from agfb_cli.progress import duration
 
 if TYPE_CHECKING:
-    from pipelines.datasets.watching import GroupState
+    from pipelines.datasets.watching import GroupState, Progress
 
 Watch = Annotated[
     float | None,
     typer.Option(
-        "--watch", metavar="SECONDS", min=0.1, help="Look again so often, until nothing is written."
+        "--watch", metavar="SECONDS", min=0.1, help="Look again so often, until nothing is computed."
     ),
 ]
+
+
+@dataclass(frozen=True)
+class Look:
+    """What there is at one moment: the commands that compute, progress by case, and the groups of each."""
+
+    commands: list[str]
+    cases: Mapping[str, Progress]
+    groups: list[GroupState]
+    total: Progress
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether anything computes."""
+        return bool(self.commands or self.total.running)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            "commands": self.commands,
+            "total": asdict(self.total),
+            "cases": {name: asdict(progress) for name, progress in self.cases.items()},
+            "groups": [asdict(state) for state in self.groups],
+        }
 
 
 def status(
@@ -37,52 +63,75 @@ def status(
 ) -> None:
     """Show how far a run is, from another shell.
 
-    Of each case what is being written, what was interrupted and what has ended, how many points there are and
-    how long ago the last one was committed. Only metadata are read, and no lock is taken. With -v groups that
-    have ended are listed too, each with the reason.
+    Of each case, also of those that have not begun, and in total: what is being written, what was interrupted
+    and what has ended, how many points there are and how long ago the last one was committed. Only metadata
+    are read, and no lock is taken. With -v groups that have ended are listed too, each with the reason. With
+    --json and --watch each look is one line.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         path = existing_store(store)
-        from pipelines.datasets.reading import list_cases
-        from pipelines.datasets.records import RUNNING
-        from pipelines.datasets.store import open_for_reading
-        from pipelines.datasets.watching import watch as look
-
-        chosen = matching(list_cases(open_for_reading(path)), case)
         while True:
-            states = [state for state in look(path) if state.case in chosen]
+            seen = look(path, case)
             if json:
-                console.json_data({"store": str(path), "groups": [asdict(state) for state in states]})
+                console.json_data({"store": str(path), **seen.as_dict()}, 2 if watch is None else None)
             else:
-                show(chosen, states, console)
-            if watch is None or not any(state.state == RUNNING for state in states):
+                show(seen, console)
+            if watch is None or not seen.is_alive:
                 return
             time.sleep(watch)
 
 
-def show(cases: list[str], states: list[GroupState], console: Console) -> None:
-    """A line for everything that has not ended, or everything with -v, and a line of sums."""
-    from pipelines.datasets.records import ENDED, RUNNING
-    from pipelines.datasets.watching import INTERRUPTED
+def look(path: Path, pattern: str | None) -> Look:
+    """The state of the chosen cases of a store."""
+    from pipelines.datasets.reading import list_cases
+    from pipelines.datasets.store import open_for_reading
+    from pipelines.datasets.watching import commands, progress, watch
 
-    rows: list[tuple[object, ...]] = []
-    for state in states:
-        if state.state == ENDED and not console.verbose:
-            continue
-        points = None if state.points is None else f"{state.points} of at most {state.capacity}"
-        told = words(state.stop_reason) if state.state == ENDED else state.state
-        rows.append((state.case, state.group, points, told, f"{duration(state.age)} ago", state.writer))
-    if rows:
-        console.data(table(("case", "group", "points", "status", "last commit", "written by"), rows))
-    found = [state.state for state in states]
-    counts = {name: found.count(name) for name in (RUNNING, INTERRUPTED, ENDED)}
-    begun = len({state.case for state in states})
+    alive = commands(path)  # before the groups: a command that ends in between is looked at once more
+    chosen = matching(list_cases(open_for_reading(path)), pattern)
+    groups = [state for state in watch(path) if state.case in chosen]
+    cases = {name: progress([state for state in groups if state.case == name]) for name in chosen}
+    return Look(alive, cases, groups, progress(groups))
+
+
+def show(seen: Look, console: Console) -> None:
+    """A line for each case, one for everything that has not ended, or everything with -v, and the sums."""
+    if len(seen.cases) > 1:
+        rows = [(name, case.state, case.ended, *_counts(case)) for name, case in seen.cases.items()]
+        console.data(table(("case", "status", "groups ended", "points", "last commit"), rows) + "\n")
+    shown = groups(seen.groups, console.verbose)
+    if shown:
+        console.data(table(("case", "group", "points", "status", "last commit", "written by"), shown) + "\n")
+    total, begun = seen.total, sum(case.age is not None for case in seen.cases.values())
     console.data(
-        f"{begun} of {len(cases)} cases begun; groups: "
-        + ", ".join(f"{number} {name}" for name, number in counts.items())
+        f"{begun} of {len(seen.cases)} cases begun; groups: {total.running} running, "
+        f"{total.interrupted} interrupted, {total.ended} ended; {total.points} points"
     )
-    if counts[INTERRUPTED] and not counts[RUNNING]:
+    if seen.commands:
+        console.data(f"computing: {', '.join(seen.commands)}")
+    elif total.interrupted and not total.running:
         console.message(
             "the command that made the store goes on with what was interrupted (agfb info shows it)"
         )
+
+
+def groups(states: list[GroupState], everything: bool) -> list[tuple[object, ...]]:
+    """Rows of the groups that have not ended, or of all."""
+    from pipelines.datasets.records import ENDED
+
+    rows: list[tuple[object, ...]] = []
+    for state in states:
+        if state.state == ENDED and not everything:
+            continue
+        points = None if state.points is None else f"{state.points} of at most {state.capacity}"
+        told = words(state.stop_reason) if state.state == ENDED and state.stop_reason else state.state
+        rows.append((state.case, state.group, points, told, f"{duration(state.age)} ago", state.writer))
+    return rows
+
+
+def _counts(case: Progress) -> tuple[object, object]:
+    """Points and age of a case; neither of one that has not begun."""
+    if case.age is None:
+        return None, None
+    return f"{case.points} of at most {case.capacity}", f"{duration(case.age)} ago"
