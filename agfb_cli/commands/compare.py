@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from agfb_cli.completion import stores
 from agfb_cli.console import Console, finite, table, words
 from agfb_cli.errors import ExitCode, explained
 from agfb_cli.inputs import existing_store
@@ -16,8 +17,10 @@ from agfb_cli.options import AsJson, Quiet, Traceback, Verbose
 if TYPE_CHECKING:
     from pipelines.datasets.comparison import EventMatch, GroupComparison, StoreComparison
 
-First = Annotated[Path, typer.Argument(metavar="A", help="A store.")]
-Second = Annotated[Path, typer.Argument(metavar="B", help="The store to compare it with.")]
+First = Annotated[Path, typer.Argument(metavar="A", help="A store.", autocompletion=stores)]
+Second = Annotated[
+    Path, typer.Argument(metavar="B", help="The store to compare it with.", autocompletion=stores)
+]
 Tolerance = Annotated[
     float,
     typer.Option(

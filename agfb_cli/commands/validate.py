@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from agfb_cli.cases import load_cases, select_cases
+from agfb_cli.completion import configurations
 from agfb_cli.console import Console, table
 from agfb_cli.errors import ExitCode, explain, explained
 from agfb_cli.options import AsJson, Assignments, CasePattern, Quiet, Traceback
@@ -15,7 +16,10 @@ from agfb_cli.options import AsJson, Assignments, CasePattern, Quiet, Traceback
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
 
-Configs = Annotated[list[Path], typer.Argument(metavar="CONFIG", help="TOML files to check.")]
+Configs = Annotated[
+    list[Path],
+    typer.Argument(metavar="CONFIG", help="TOML files to check.", autocompletion=configurations),
+]
 
 
 def validate(
@@ -29,8 +33,8 @@ def validate(
     """Check configurations and list their cases.
 
     Nothing is computed and nothing is written. Every problem of every file is reported, with file, line and
-    key. With --json the resolved configuration of every case is printed, defaults included, and of a file with
-    problems its error.
+    key. With --json the resolved configuration of every case is printed, defaults included, and of a file
+    with problems its error.
     """
     console = Console(quiet=quiet, json=json, traceback=traceback)
     with explained(console):

@@ -104,7 +104,9 @@ def progress(states: Sequence[GroupState]) -> Progress:
     begun = next((name for name in (RUNNING, INTERRUPTED, ENDED) if name in found), NOT_BEGUN)
     return Progress(
         begun,
-        *(found.count(name) for name in (RUNNING, INTERRUPTED, ENDED)),
+        found.count(RUNNING),
+        found.count(INTERRUPTED),
+        found.count(ENDED),
         _sum(state.points for state in states),
         _sum(state.capacity for state in states),
         min((state.age for state in states), default=None),
