@@ -13,6 +13,7 @@ from contextlib import contextmanager, redirect_stdout
 from functools import wraps
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -70,8 +71,8 @@ def paths(incomplete: str, is_wanted: Callable[[os.DirEntry[str]], bool]) -> Ans
 def cases(ctx: typer.Context, incomplete: str) -> Answers:
     """Cases of the store, or of the configuration, that stands on the command line."""
     # an option that waits for its value leaves arguments unassigned
-    given = [ctx.params.get("store") or ctx.params.get("config") or ctx.args]
-    files = [Path(file) for file in (given[0] if isinstance(given[0], list | tuple) else given)]
+    given: Any = ctx.params.get("store") or ctx.params.get("config") or ctx.args
+    files = [Path(file) for file in (given if isinstance(given, list | tuple) else [given])]
     if "store" in ctx.params:
         return sorted(entry.parent.name for file in files for entry in file.glob("cases/*/zarr.json"))
     from agfb_cli.cases import load_cases
