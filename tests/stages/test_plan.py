@@ -1,4 +1,4 @@
-"""What a dry run foresees: what is there, how much is left, and that an estimate follows what is asked for."""
+"""What a dry run foresees: what is there, how much is left, and times that follow what is asked for."""
 
 from __future__ import annotations
 
