@@ -29,7 +29,7 @@ from agfb_cli.commands import (
     verify,
 )
 from agfb_cli.console import Console
-from agfb_cli.program import Program
+from agfb_cli.program import ASKED_FOR_JSON, Program
 
 BLAS_THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -55,10 +55,30 @@ app = typer.Typer(
 )
 
 
+def _show_version(context: typer.Context, wanted: bool) -> None:
+    if not wanted:
+        return
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        number = version("agfb")
+    except PackageNotFoundError:
+        number = None
+    console = Console()
+    if context.meta[ASKED_FOR_JSON]:
+        console.json_data({"agfb": number})
+    else:
+        console.data(f"agfb {number or '(not installed: running from its sources)'}")
+    raise typer.Exit
+
+
 @app.callback()
 def agfb(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="The version as JSON.")] = False,
 ) -> None:
     """Prepare the process for any command.
@@ -69,27 +89,10 @@ def agfb(
     for name in BLAS_THREAD_VARIABLES:
         os.environ.setdefault(name, "1")
     _make_streams_writable()
-    if version:
-        _show_version(Console(json=json))
-        raise typer.Exit
     if context.invoked_subcommand is None:
         context.fail("Missing command.")
     if json:
         context.fail("--json belongs behind the command.")
-
-
-def _show_version(console: Console) -> None:
-    from importlib.metadata import PackageNotFoundError
-    from importlib.metadata import version as installed
-
-    try:
-        number = installed("agfb")
-    except PackageNotFoundError:
-        number = None
-    if console.json:
-        console.json_data({"agfb": number})
-    else:
-        console.data(f"agfb {number or '(not installed: running from its sources)'}")
 
 
 def _make_streams_writable() -> None:

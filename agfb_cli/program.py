@@ -13,7 +13,7 @@ from agfb_cli.completion import whole_words
 from agfb_cli.console import Console
 from agfb_cli.errors import ExitCode, Explanation
 
-_ASKED = "agfb_cli.json"
+ASKED_FOR_JSON = "agfb_cli.json"
 # UsageError, which typer exports under no name of its own
 _REFUSAL: type[Any] = typer.BadParameter.mro()[1]
 
@@ -28,17 +28,15 @@ class Program(TyperGroup):
         with whole_words():
             return super().main(*others, **more)
 
-    def make_context(self, info_name: str | None, args: list[str], *others: Any, **more: Any) -> Any:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take the words before the command."""
-        asked = "--json" in args
-        with told(asked):
-            context = super().make_context(info_name, args, *others, **more)
-        context.meta[_ASKED] = asked
-        return context
+        ctx.meta[ASKED_FOR_JSON] = "--json" in args
+        with told(ctx.meta[ASKED_FOR_JSON]):
+            return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Take the command and its words, and run it."""
-        with told(ctx.meta[_ASKED]):
+        with told(ctx.meta[ASKED_FOR_JSON]):
             return super().invoke(ctx)
 
 

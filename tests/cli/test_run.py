@@ -106,4 +106,4 @@ def test_afresh(watched: tuple[Path, list[dict]]) -> None:
         compare_trees(folder / "run.zarr.old-1" / "cases" / SECOND, folder / "run.zarr" / "cases" / SECOND)
         == []
     )
-    assert there(folder)[FIRST] == ["nothing"] * 4
+    assert not (folder / "run.zarr" / "cases" / FIRST / "linear").exists()
