@@ -1,4 +1,4 @@
-"""`agfb run` as a user types it: cases side by side, some first and the others later, afresh, and watched."""
+"""`agfb run` as a user types it: cases side by side, some first and the others later, and watched."""
 
 from __future__ import annotations
 
@@ -96,14 +96,3 @@ def test_some_cases_first_and_the_others_later(tmp_path: Path, watched: tuple[Pa
     assert compare_trees(watched[0] / "run.zarr" / "cases", tmp_path / "run.zarr" / "cases") == []
     assert there(tmp_path) == dict.fromkeys((FIRST, SECOND), ["complete"] * 4)
     assert list((tmp_path / "run-figures" / SECOND).glob("bifurcation*.png"))
-
-
-def test_afresh(watched: tuple[Path, list[dict]]) -> None:
-    folder, _ = watched
-    _, messages = agfb(folder, *RUN, "--workers", "2", "--force", "--case", SECOND)
-    assert "moved the old store to run.zarr.old-1" in messages
-    assert (
-        compare_trees(folder / "run.zarr.old-1" / "cases" / SECOND, folder / "run.zarr" / "cases" / SECOND)
-        == []
-    )
-    assert not (folder / "run.zarr" / "cases" / FIRST / "linear").exists()
