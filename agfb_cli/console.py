@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -40,9 +41,11 @@ class Console:
         """Write a result to stdout."""
         print(text, file=sys.stdout)
 
-    def json_data(self, value: Any) -> None:
-        """Write a result to stdout as JSON, in ASCII; NaN is refused because JSON has none."""
-        self.data(json.dumps(value, indent=2, allow_nan=False))
+    def json_data(self, value: Any, indent: int | None = 2) -> None:
+        """Write a result to stdout as JSON, in ASCII; NaN is refused because JSON has none. Without `indent`
+        it is one line, so that several documents can follow each other.
+        """
+        self.data(json.dumps(value, indent=indent, allow_nan=False))
         self.answered = True
 
     def message(self, text: str) -> None:
@@ -86,6 +89,15 @@ def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     widths = [max(len(row[column]) for row in cells) for column in range(len(header))]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
     return "\n".join(line.rstrip() for line in lines)
+
+
+def finite(value: Any) -> Any:
+    """Plain data without NaN and infinities, which JSON lacks: they become None."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def words(identifier: str) -> str:

@@ -50,6 +50,10 @@ class Explanation:
         """What is written on stderr."""
         return f"error: {self.message}" + (f"\nhint: {self.hint}" if self.hint else "")
 
+    def as_dict(self) -> dict[str, object]:
+        """What a program is told."""
+        return {"code": int(self.code), "message": self.message, "hint": self.hint}
+
 
 _FULL = {
     errno.ENOSPC: "no space left on the disk",
@@ -168,5 +172,4 @@ def _report(explanation: Explanation, console: Console, text: str) -> None:
     """Tell the user, and with `--json` the program that reads stdout, unless it has its document already."""
     console.error(text)
     if console.json and not console.answered:
-        told = {"code": int(explanation.code), "message": explanation.message, "hint": explanation.hint}
-        console.json_data({"error": told})
+        console.json_data({"error": explanation.as_dict()})

@@ -28,6 +28,8 @@ from agfb_cli.commands import (
     validate,
     verify,
 )
+from agfb_cli.console import Console
+from agfb_cli.program import ASKED_FOR_JSON, Program
 
 BLAS_THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -45,30 +47,39 @@ app = typer.Typer(
         "4 store problem, 5 resources, 130 Ctrl-C, 143 SIGTERM."
     ),
     no_args_is_help=True,
-    add_completion=False,
+    invoke_without_command=True,
+    cls=Program,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
-        from importlib.metadata import PackageNotFoundError, version
+def _show_version(context: typer.Context, wanted: bool) -> None:
+    if not wanted:
+        return
+    from importlib.metadata import PackageNotFoundError, version
 
-        try:
-            typer.echo(f"agfb {version('agfb')}")
-        except PackageNotFoundError:
-            typer.echo("agfb (not installed: running from its sources)")
-        raise typer.Exit
+    try:
+        number = version("agfb")
+    except PackageNotFoundError:
+        number = None
+    console = Console()
+    if context.meta[ASKED_FOR_JSON]:
+        console.json_data({"agfb": number})
+    else:
+        console.data(f"agfb {number or '(not installed: running from its sources)'}")
+    raise typer.Exit
 
 
 @app.callback()
 def agfb(
+    context: typer.Context,
     version: Annotated[
         bool,
         typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
     ] = False,
+    json: Annotated[bool, typer.Option("--json", help="The version as JSON.")] = False,
 ) -> None:
     """Prepare the process for any command.
 
@@ -78,6 +89,10 @@ def agfb(
     for name in BLAS_THREAD_VARIABLES:
         os.environ.setdefault(name, "1")
     _make_streams_writable()
+    if context.invoked_subcommand is None:
+        context.fail("Missing command.")
+    if json:
+        context.fail("--json belongs behind the command.")
 
 
 def _make_streams_writable() -> None:

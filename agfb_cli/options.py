@@ -7,12 +7,30 @@ from typing import Annotated
 
 import typer
 
-Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="TOML file that describes the case or cases.")]
-Store = Annotated[Path, typer.Argument(metavar="STORE", help="Store written by an earlier command.")]
+from agfb_cli import completion
+
+Config = Annotated[
+    Path,
+    typer.Argument(
+        metavar="CONFIG",
+        help="TOML file that describes the case or cases.",
+        autocompletion=completion.configurations,
+    ),
+]
+Store = Annotated[
+    Path,
+    typer.Argument(
+        metavar="STORE", help="Store written by an earlier command.", autocompletion=completion.stores
+    ),
+]
 Output = Annotated[
     Path | None,
     typer.Option(
-        "--output", "-o", metavar="STORE", help="Store to write. Default: build/NAME.zarr for NAME.toml."
+        "--output",
+        "-o",
+        metavar="STORE",
+        help="Store to write. Default: build/NAME.zarr for NAME.toml.",
+        autocompletion=completion.stores,
     ),
 ]
 Assignments = Annotated[
@@ -21,12 +39,24 @@ Assignments = Annotated[
         "--set",
         metavar="KEY=VALUE",
         help="Replace one key of the configuration, for instance excitation.displacement=0.1. Repeatable.",
+        autocompletion=completion.assignments,
     ),
 ]
 CasePattern = Annotated[
-    str | None, typer.Option("--case", metavar="GLOB", help="Only the cases whose name matches.")
+    str | None,
+    typer.Option(
+        "--case",
+        metavar="GLOB",
+        help="Only the cases whose name matches.",
+        autocompletion=completion.cases,
+    ),
 ]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be computed and stop.")]
+DryRun = Annotated[
+    bool,
+    typer.Option(
+        "--dry-run", help="Say what is there, what would be computed and how long it may take, and stop."
+    ),
+]
 Force = Annotated[
     bool, typer.Option("--force", help="Start afresh: an existing store is moved aside, never deleted.")
 ]
@@ -50,6 +80,7 @@ Scheduler = Annotated[
         help="sync: this process; local: --workers processes, by default one a core; tcp://HOST:PORT: the "
         "workers of a Dask cluster, which see the store under the same path. Default: sync, or local with "
         "--workers.",
+        autocompletion=completion.schedulers,
     ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Errors and results only.")]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agfb_cli.console import Console, table, words
+from agfb_cli.completion import stores
+from agfb_cli.console import Console, finite, table, words
 from agfb_cli.errors import ExitCode, explained
 from agfb_cli.inputs import existing_store
 from agfb_cli.options import AsJson, Quiet, Traceback, Verbose
@@ -17,8 +17,10 @@ from agfb_cli.options import AsJson, Quiet, Traceback, Verbose
 if TYPE_CHECKING:
     from pipelines.datasets.comparison import EventMatch, GroupComparison, StoreComparison
 
-First = Annotated[Path, typer.Argument(metavar="A", help="A store.")]
-Second = Annotated[Path, typer.Argument(metavar="B", help="The store to compare it with.")]
+First = Annotated[Path, typer.Argument(metavar="A", help="A store.", autocompletion=stores)]
+Second = Annotated[
+    Path, typer.Argument(metavar="B", help="The store to compare it with.", autocompletion=stores)
+]
 Tolerance = Annotated[
     float,
     typer.Option(
@@ -136,13 +138,5 @@ def _moved(match: EventMatch) -> str:
 def as_json(found: StoreComparison) -> dict[str, Any]:
     """The same as plain data; an infinite difference (a number against none) is null."""
     groups = [asdict(group) | {"verdict": group.verdict} for group in found.groups]
-    document: dict[str, Any] = _finite(asdict(found) | {"groups": groups, "equal": found.are_equal})
+    document: dict[str, Any] = finite(asdict(found) | {"groups": groups, "equal": found.are_equal})
     return document
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from agfb_cli.cases import matching
+from agfb_cli.completion import figure_formats, figure_kinds
 from agfb_cli.console import Console
 from agfb_cli.errors import UsageError, explained
 from agfb_cli.inputs import beside, existing_store
@@ -22,10 +23,21 @@ Directory = Annotated[
 ]
 Formats = Annotated[
     list[str] | None,
-    typer.Option("--format", metavar="FORMAT", help="png (the default), svg or pdf. Repeatable."),
+    typer.Option(
+        "--format",
+        metavar="FORMAT",
+        help="png (the default), svg or pdf. Repeatable.",
+        autocompletion=figure_formats,
+    ),
 ]
 Kinds = Annotated[
-    list[str] | None, typer.Option("--figure", metavar="NAME", help="Only this kind of figure. Repeatable.")
+    list[str] | None,
+    typer.Option(
+        "--figure",
+        metavar="NAME",
+        help="Only this kind of figure. Repeatable.",
+        autocompletion=figure_kinds,
+    ),
 ]
 
 

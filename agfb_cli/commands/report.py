@@ -53,7 +53,7 @@ def report(
                 "`agfb run CONFIG -o STORE` searches the plane of excitation frequency and speed",
             )
         written = store_ranges(path, found, console)
-        show(path, found, written, console)
+        show(path, found, missing, written, console)
         if missing:
             raise typer.Exit(ExitCode.CASES_FAILED)
 
@@ -87,7 +87,13 @@ def store_ranges(path: Path, found: Mapping[str, OperatingRange], console: Conso
     return all(written)
 
 
-def show(path: Path, found: Mapping[str, OperatingRange], written: bool, console: Console) -> None:
+def show(
+    path: Path,
+    found: Mapping[str, OperatingRange],
+    missing: Mapping[str, str],
+    written: bool,
+    console: Console,
+) -> None:
     """Tables on stdout, cautions on stderr; or one JSON document."""
     from pipelines.datasets.reading import case_attributes
     from pipelines.datasets.store import open_for_reading
@@ -95,7 +101,7 @@ def show(path: Path, found: Mapping[str, OperatingRange], written: bool, console
     opened = open_for_reading(path)
     if console.json:
         cases = {case: as_json(ranges) for case, ranges in found.items()}
-        console.json_data({"store": str(path), "written": written, "cases": cases})
+        console.json_data({"store": str(path), "written": written, "cases": cases, "missing": missing})
         return
     for number, (case, ranges) in enumerate(found.items()):
         scales: Scales = case_attributes(opened, case)["scales"]

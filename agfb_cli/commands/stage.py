@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from agfb_cli.cases import load_cases, select_cases
-from agfb_cli.console import Console, name_values, table, words
+from agfb_cli.console import Console, name_values, words
+from agfb_cli.dry_run import make_plan, show_plan
 from agfb_cli.errors import ExitCode, explained
 from agfb_cli.inputs import default_store
 from agfb_cli.interruption import Interruption, resume_command
@@ -141,20 +142,34 @@ def execute(stages: Stages, request: Request, console: Console, admit: Admit | N
     named_cases = load_cases(request.config, request.assignments)
     chosen = select_cases(named_cases, request.case_pattern)
     stages = stages(chosen) if callable(stages) else stages
+    if request.dry_run:
+        refuse_other_store(request, named_cases)
+        foresee(stages, chosen, request, console)
+        return Outcome()
     if admit is not None:
         refuse_other_store(request, named_cases)
         admit(chosen)
-    if request.dry_run:
-        refuse_other_store(request, named_cases)
-        show_plan(stages, chosen, request, console)
-        return Outcome()
     with Interruption(console) as interruption:
         prepare(request, named_cases, console)
-        outcome = compute(stages, chosen, request, console, interruption)
+        from pipelines.datasets.watching import command_lock
+
+        with command_lock(request.store):
+            outcome = compute(stages, chosen, request, console, interruption)
     if interruption.exit_code is not None:
         show_interruption(outcome, request, console)
         raise typer.Exit(interruption.exit_code)
     return outcome
+
+
+def foresee(
+    stages: Sequence[str], named_cases: Sequence[NamedCase], request: Request, console: Console
+) -> None:
+    """What `--dry-run` does instead: nothing is written."""
+    afresh = request.force or not request.store.exists()
+    with console.announce_if_slow("measuring (the first run compiles kernels)", SECONDS_BEFORE_ANNOUNCEMENT):
+        planned = make_plan(stages, named_cases, None if afresh else request.store)
+    processes = 1 if request.pool is None else request.pool.workers
+    show_plan(planned, request.store, afresh, processes, console)
 
 
 def refuse_other_store(request: Request, named_cases: Sequence[NamedCase]) -> None:
@@ -238,21 +253,6 @@ def announce(stage: str, result: StageResult, console: Console) -> None:
             console.error(result.traceback.rstrip())
     if result.ok and result.advice:
         console.detail(f"  {result.advice}")
-
-
-def show_plan(
-    stages: Sequence[str], named_cases: Sequence[NamedCase], request: Request, console: Console
-) -> None:
-    """What `--dry-run` prints: nothing has been written."""
-    names = [stage.replace("_", "-") for stage in stages]
-    if console.json:
-        cases = [named.case_id for named in named_cases]
-        console.json_data({"store": str(request.store), "stages": names, "cases": cases})
-        return
-    rows = [(named.case_id, ", ".join(names)) for named in named_cases]
-    console.data(table(("case", "stages"), rows))
-    state = "goes on with" if request.store.exists() and not request.force else "creates"
-    console.message(f"dry run: {state} {request.store}; nothing was computed")
 
 
 def show_outcome(outcome: Outcome, store: Path, files: Sequence[Path], console: Console) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,14 +19,42 @@ from agfb_cli.progress import duration
 
 if TYPE_CHECKING:
     from pipelines.datasets.failures import Failure
-    from pipelines.datasets.watching import GroupState
+    from pipelines.datasets.watching import GroupState, Progress
 
 Watch = Annotated[
     float | None,
     typer.Option(
-        "--watch", metavar="SECONDS", min=0.1, help="Look again so often, until nothing is written."
+        "--watch", metavar="SECONDS", min=0.1, help="Look again so often, until nothing is computed."
     ),
 ]
+
+
+@dataclass(frozen=True)
+class Look:
+    """What there is at one moment: the commands that compute, progress by case, the groups of each, and every
+    stage that failed and has not succeeded since.
+    """
+
+    commands: list[str]
+    cases: Mapping[str, Progress]
+    groups: list[GroupState]
+    total: Progress
+    failures: list[Failure]
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether anything computes."""
+        return bool(self.commands or self.total.running)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            "commands": self.commands,
+            "total": asdict(self.total),
+            "cases": {name: asdict(progress) for name, progress in self.cases.items()},
+            "groups": [asdict(state) for state in self.groups],
+            "failures": [asdict(failure) for failure in self.failures],
+        }
 
 
 def status(
@@ -38,58 +68,59 @@ def status(
 ) -> None:
     """Show how far a run is, from another shell.
 
-    Of each case what is being written, what was interrupted and what has ended, how many points there are and
-    how long ago the last one was committed; and every stage that failed, with the reason, until it succeeds.
-    Only metadata are read, and no lock is taken. With -v groups that have ended are listed too, each with the
-    reason.
+    Of each case, also of those that have not begun, and in total: what is being written, what was interrupted
+    and what has ended, how many points there are and how long ago the last one was committed; and every stage
+    that failed, with the reason, until it succeeds. Only metadata are read, and no lock is taken. With -v
+    groups that have ended are listed too, each with the reason. With --json and --watch each look is one
+    line.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         path = existing_store(store)
-        from pipelines.datasets.failures import read_failures
-        from pipelines.datasets.reading import list_cases
-        from pipelines.datasets.records import RUNNING
-        from pipelines.datasets.store import open_for_reading
-        from pipelines.datasets.watching import watch as look
-
-        opened = open_for_reading(path)
-        chosen = matching(list_cases(opened), case)
         while True:
-            states = [state for state in look(path) if state.case in chosen]
-            failures = [failure for name in chosen for failure in read_failures(opened, name)]
+            seen = look(path, case)
             if json:
-                groups, failed = [asdict(state) for state in states], [asdict(each) for each in failures]
-                console.json_data({"store": str(path), "groups": groups, "failures": failed})
+                console.json_data({"store": str(path), **seen.as_dict()}, 2 if watch is None else None)
             else:
-                show(chosen, states, console)
-                show_failures(failures, console)
-            if watch is None or not any(state.state == RUNNING for state in states):
+                show(seen, console)
+            if watch is None or not seen.is_alive:
                 return
             time.sleep(watch)
 
 
-def show(cases: list[str], states: list[GroupState], console: Console) -> None:
-    """A line for everything that has not ended, or everything with -v, and a line of sums."""
-    from pipelines.datasets.records import ENDED, RUNNING
-    from pipelines.datasets.watching import INTERRUPTED
+def look(path: Path, pattern: str | None) -> Look:
+    """The state of the chosen cases of a store."""
+    from pipelines.datasets.failures import read_failures
+    from pipelines.datasets.reading import list_cases
+    from pipelines.datasets.store import open_for_reading
+    from pipelines.datasets.watching import commands, progress, watch
 
-    rows: list[tuple[object, ...]] = []
-    for state in states:
-        if state.state == ENDED and not console.verbose:
-            continue
-        points = None if state.points is None else f"{state.points} of at most {state.capacity}"
-        told = words(state.stop_reason) if state.state == ENDED else state.state
-        rows.append((state.case, state.group, points, told, f"{duration(state.age)} ago", state.writer))
-    if rows:
-        console.data(table(("case", "group", "points", "status", "last commit", "written by"), rows))
-    found = [state.state for state in states]
-    counts = {name: found.count(name) for name in (RUNNING, INTERRUPTED, ENDED)}
-    begun = len({state.case for state in states})
+    alive = commands(path)  # before the groups: a command that ends in between is looked at once more
+    opened = open_for_reading(path)
+    chosen = matching(list_cases(opened), pattern)
+    groups = [state for state in watch(path) if state.case in chosen]
+    cases = {name: progress([state for state in groups if state.case == name]) for name in chosen}
+    failures = [failure for name in chosen for failure in read_failures(opened, name)]
+    return Look(alive, cases, groups, progress(groups), failures)
+
+
+def show(seen: Look, console: Console) -> None:
+    """A line for each case, one for everything that has not ended, or everything with -v, and the sums."""
+    if len(seen.cases) > 1:
+        rows = [(name, case.state, case.ended, *_counts(case)) for name, case in seen.cases.items()]
+        console.data(table(("case", "status", "groups ended", "points", "last commit"), rows) + "\n")
+    shown = groups(seen.groups, console.verbose)
+    if shown:
+        console.data(table(("case", "group", "points", "status", "last commit", "written by"), shown) + "\n")
+    total, begun = seen.total, sum(case.age is not None for case in seen.cases.values())
     console.data(
-        f"{begun} of {len(cases)} cases begun; groups: "
-        + ", ".join(f"{number} {name}" for name, number in counts.items())
+        f"{begun} of {len(seen.cases)} cases begun; groups: {total.running} running, "
+        f"{total.interrupted} interrupted, {total.ended} ended; {total.points} points"
     )
-    if counts[INTERRUPTED] and not counts[RUNNING]:
+    show_failures(seen.failures, console)
+    if seen.commands:
+        console.data(f"computing: {', '.join(seen.commands)}")
+    elif total.interrupted and not total.running:
         console.message(
             "the command that made the store goes on with what was interrupted (agfb info shows it)"
         )
@@ -102,3 +133,24 @@ def show_failures(failures: list[Failure], console: Console) -> None:
         console.data(f"{name}: failed: {words(failure.reason)}")
         if failure.advice:
             console.message(f"  {failure.advice}")
+
+
+def groups(states: list[GroupState], everything: bool) -> list[tuple[object, ...]]:
+    """Rows of the groups that have not ended, or of all."""
+    from pipelines.datasets.records import ENDED
+
+    rows: list[tuple[object, ...]] = []
+    for state in states:
+        if state.state == ENDED and not everything:
+            continue
+        points = None if state.points is None else f"{state.points} of at most {state.capacity}"
+        told = words(state.stop_reason) if state.state == ENDED and state.stop_reason else state.state
+        rows.append((state.case, state.group, points, told, f"{duration(state.age)} ago", state.writer))
+    return rows
+
+
+def _counts(case: Progress) -> tuple[object, object]:
+    """Points and age of a case; neither of one that has not begun."""
+    if case.age is None:
+        return None, None
+    return f"{case.points} of at most {case.capacity}", f"{duration(case.age)} ago"

@@ -27,6 +27,7 @@ from agfb_cli.options import (
     Workers,
 )
 from agfb_cli.pool import choose_pool
+from agfb_cli.progress import in_words
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
@@ -94,11 +95,3 @@ def refuse(named_cases: Sequence[NamedCase], store: Path | None, console: Consol
             "start it with --yes, or shorten transient.duration, or raise transient.tolerance",
         )
     console.detail(told)
-
-
-def in_words(seconds: float) -> str:
-    """A length of time in the unit that one would use."""
-    for unit, size in (("years", 31_557_600.0), ("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
-        if seconds >= size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.2g} seconds"

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from agfb_cli.cases import load_cases, select_cases
+from agfb_cli.completion import configurations
 from agfb_cli.console import Console, table
 from agfb_cli.errors import ExitCode, explain, explained
 from agfb_cli.options import AsJson, Assignments, CasePattern, Quiet, Traceback
 
-Configs = Annotated[list[Path], typer.Argument(metavar="CONFIG", help="TOML files to check.")]
+if TYPE_CHECKING:
+    from pipelines.case.reading import NamedCase
+
+Configs = Annotated[
+    list[Path],
+    typer.Argument(metavar="CONFIG", help="TOML files to check.", autocompletion=configurations),
+]
 
 
 def validate(
@@ -26,11 +33,13 @@ def validate(
     """Check configurations and list their cases.
 
     Nothing is computed and nothing is written. Every problem of every file is reported, with file, line and
-    key. With --json the resolved configuration of every case is printed, defaults included.
+    key. With --json the resolved configuration of every case is printed, defaults included, and of a file
+    with problems its error.
     """
     console = Console(quiet=quiet, json=json, traceback=traceback)
     with explained(console):
-        found = []
+        found: list[tuple[Path, NamedCase]] = []
+        failed: list[dict[str, object]] = []
         worst = ExitCode.DONE
         for path in config:
             try:
@@ -40,6 +49,7 @@ def validate(
                 if explanation.code != ExitCode.USAGE:
                     raise
                 console.error(explanation.text)
+                failed.append({"file": str(path), "error": explanation.as_dict()})
                 worst = ExitCode.USAGE
         if json:
             console.json_data(
@@ -47,6 +57,7 @@ def validate(
                     {"file": str(path), "case": named.case_id, "configuration": named.resolved}
                     for path, named in found
                 ]
+                + failed
             )
         elif found:
             console.data(table(("file", "case"), [(path, named.case_id) for path, named in found]))

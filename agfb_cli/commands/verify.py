@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agfb_cli.commands.stage import SECONDS_BEFORE_ANNOUNCEMENT
-from agfb_cli.console import Console
+from agfb_cli.console import Console, finite
 from agfb_cli.errors import ExitCode, explained
 from agfb_cli.inputs import existing_store
 from agfb_cli.options import AsJson, Quiet, Store, Traceback, Verbose
@@ -69,8 +69,11 @@ def show(findings: list[Finding], checked: list[Checked], console: Console) -> N
 
 
 def as_data(findings: list[Finding], checked: list[Checked]) -> dict[str, Any]:
-    """Findings and residuals as plain data."""
-    return {
-        "findings": [asdict(finding) | {"path": str(finding.path)} for finding in findings],
-        "residuals": [asdict(each) | {"holds": each.holds} for each in checked],
-    }
+    """Findings and residuals as plain data; a residual that is no number is null."""
+    document: dict[str, Any] = finite(
+        {
+            "findings": [asdict(finding) | {"path": str(finding.path)} for finding in findings],
+            "residuals": [asdict(each) | {"holds": each.holds} for each in checked],
+        }
+    )
+    return document

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from pipelines.case.fields import Table, bounds_of, extra_of, inner_types, model_of
+from pipelines.case.fields import Table, bounds_of, extra_of, inner_types, keys_of, model_of
 from pipelines.case.models import Case
 
 _TYPE_NAMES = {float: "number", int: "integer", bool: "true/false", str: "string"}
@@ -38,6 +38,26 @@ def json_schema() -> dict[str, Any]:
 def reference_markdown() -> str:
     """The reference in Markdown: one section per table with key, type, meaning, unit, default and bounds."""
     return "\n".join([_INTRODUCTION, *_section(Case, "", "")])
+
+
+def settable_keys() -> dict[str, tuple[str, ...]]:
+    """The dotted keys of all values below which no table lies, each with the words it can have, or with its
+    default as an example; keys with a free name are left out.
+    """
+    keys = {name: field for name, field in keys_of(Case) if ".NAME" not in name}
+    return {name: _examples(field) for name, field in keys.items() if model_of(field.annotation) is None}
+
+
+def _examples(field: FieldInfo) -> tuple[str, ...]:
+    for kind in inner_types(field.annotation):
+        if get_origin(kind) is Literal:
+            return get_args(kind)
+        if kind is bool:
+            return ("true", "false")
+    if field.is_required() or field.default is None:
+        return ()
+    default = field.default
+    return (default if isinstance(default, str) else json.dumps(default, separators=(",", ":")),)
 
 
 def _section(model: type[Table], header: str, prefix: str) -> Iterator[str]:

@@ -2,7 +2,8 @@
 
 A group that has not ended is being written if a process still holds its lock.  Trying the lock would
 disturb a writer that opens at the same moment, so the process named in the lock file is looked for instead;
-on another computer it cannot be, and is believed.
+on another computer it cannot be, and is believed.  Between two groups, and while one is computed that is
+written in one piece, no group is locked: a command that computes therefore holds a lock of its own.
 """
 
 from __future__ import annotations
@@ -10,21 +11,26 @@ from __future__ import annotations
 import os
 import socket
 import time
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pipelines.datasets.errors import CorruptedError
 from pipelines.datasets.locking import GroupLock
 from pipelines.datasets.metadata import METADATA
 from pipelines.datasets.reading import describe
 from pipelines.datasets.records import COMPLETE, ENDED, RUNNING
 
-INTERRUPTED = "interrupted"
+NOT_BEGUN, INTERRUPTED = "not begun", "interrupted"
+_GEOMETRY = "machine"  # the kind of group that is made with the store
+_COMMANDS = "command/"
 
 
 @dataclass(frozen=True)
 class GroupState:
     """A group of a case: ``state`` is ``running``, ``interrupted`` or ``ended``; ``points`` of at most
-    ``capacity`` rows; ``age`` [s] of its newest commit; ``writer``: who writes it, ``PID on HOST``.
+    ``capacity`` rows, None of a group without rows; ``age`` [s] of its newest commit; ``writer``: who writes
+    it, ``PID on HOST``.
     """
 
     case: str
@@ -37,27 +43,51 @@ class GroupState:
     writer: str | None
 
 
+@dataclass(frozen=True)
+class Progress:
+    """What there is of a case or of several: the number of groups by state, and of their rows ``points`` of
+    at most ``capacity``; ``state`` is ``running`` or ``interrupted`` if a group is, else ``ended``, and
+    ``not begun`` without any group; ``age`` [s] of the newest commit, None without any.
+    """
+
+    state: str
+    running: int
+    interrupted: int
+    ended: int
+    points: int
+    capacity: int
+    age: float | None
+
+
 def watch(path: Path, now: float | None = None) -> list[GroupState]:
     """The state of every group that a computation writes, by case.
 
     ``now``: seconds since the epoch, by default the clock. Raises StoreError for what is no store.
     """
-    content = describe(path)
     moment = time.time() if now is None else now
+    try:
+        return _states(path, moment)
+    except (CorruptedError, FileNotFoundError):
+        return _states(path, moment)  # a group that is written in one piece is gone while it is replaced
+
+
+def _states(path: Path, moment: float) -> list[GroupState]:
+    content = describe(path)
     known = set(GroupLock.known(Path(content["path"])))
     found = []
     for case, described in content["cases"].items():
         for group, state in described["groups"].items():
-            if state["status"] in (None, COMPLETE):  # written in one piece
+            if state["kind"] == _GEOMETRY:
                 continue
             name = f"cases/{case}/{group}"
             writer = _writer(Path(content["path"]), name) if name in known else None
+            has_ended = state["status"] in (None, ENDED, COMPLETE)
             metadata = Path(content["path"]) / name / METADATA
             found.append(
                 GroupState(
                     case,
                     group,
-                    ENDED if state["status"] == ENDED else INTERRUPTED if writer is None else RUNNING,
+                    ENDED if has_ended else INTERRUPTED if writer is None else RUNNING,
                     state["stop_reason"] or "",
                     state["n_points"],
                     state["capacity"],
@@ -66,6 +96,39 @@ def watch(path: Path, now: float | None = None) -> list[GroupState]:
                 )
             )
     return found
+
+
+def progress(states: Sequence[GroupState]) -> Progress:
+    """The sum of some groups, for instance those of a case."""
+    found = [state.state for state in states]
+    begun = next((name for name in (RUNNING, INTERRUPTED, ENDED) if name in found), NOT_BEGUN)
+    return Progress(
+        begun,
+        found.count(RUNNING),
+        found.count(INTERRUPTED),
+        found.count(ENDED),
+        _sum(state.points for state in states),
+        _sum(state.capacity for state in states),
+        min((state.age for state in states), default=None),
+    )
+
+
+def _sum(counts: Iterable[int | None]) -> int:
+    return sum(count for count in counts if count is not None)
+
+
+def command_lock(path: Path) -> GroupLock:
+    """What a command that computes holds as long as it does, so that others see it where no group is being
+    written. Any number of commands may hold one. Raises OSError when the lock file cannot be made.
+    """
+    return GroupLock(path.expanduser().resolve(), f"{_COMMANDS}{socket.gethostname()}-{os.getpid()}")
+
+
+def commands(path: Path) -> list[str]:
+    """The commands that are computing into a store, each as ``PID on HOST``."""
+    store = path.expanduser().resolve()
+    names = (name for name in GroupLock.known(store) if name.startswith(_COMMANDS))
+    return [writer for name in names if (writer := _writer(store, name)) is not None]
 
 
 def _writer(store: Path, group: str) -> str | None:

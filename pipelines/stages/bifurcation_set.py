@@ -58,7 +58,7 @@ def bifurcation_set(
     the last point.
     """
     job = Job.of("bifurcation-set", case, store_path, report, should_stop)
-    if (reason := _nothing_to_search(case.case)) is not None:
+    if (reason := nothing_to_search(case.case)) is not None:
         return StageResult(case.case_id, True, reason)
     lowest = lowest_speed(job)
     if lowest is None:
@@ -89,7 +89,7 @@ def bifurcation_set(
     return _result(job, lines, complete)
 
 
-def _nothing_to_search(case: Case) -> str | None:
+def nothing_to_search(case: Case) -> str | None:
     """Why a case has no set in the plane of excitation frequency and speed; None when it has one."""
     if set(case.track_curves.parameters) != {SPEED, FREQUENCY}:
         return "the search covers the plane of excitation_frequency and speed only"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
-from agfb_cli.commands.transient import in_words
 from agfb_cli.errors import ExitCode
+from agfb_cli.progress import in_words
 from pipelines.stages import transient as stage
 from pipelines.stages.transient import Outlook
 from tests.cli.conftest import Program
@@ -67,11 +68,24 @@ def test_a_start_that_is_not_there_is_a_usage_error(program: Program, smoke: Pat
 
 
 def test_a_dry_run_shows_the_plan(program: Program, smoke: Path) -> None:
-    done = program("transient", "smoke.toml", *SETTINGS, "--dry-run", "-v")
+    done = program("transient", "smoke.toml", *SETTINGS, "--dry-run")
     assert done.exit_code == ExitCode.DONE
-    assert "time steps, about" in done.stderr
-    assert "transient" in done.stdout
+    assert re.search(r"smoke +transient +nothing +0 +about .+ at most \(\d+ time steps\)", done.stdout)
     assert program.computed == []
+
+
+@pytest.mark.usefixtures("hours")
+def test_a_dry_run_tells_of_a_long_run_and_does_not_refuse_it(program: Program, smoke: Path) -> None:
+    done = program("transient", "smoke.toml", "--dry-run", "--json")
+    assert done.exit_code == ExitCode.DONE
+    assert json.loads(done.stdout)["seconds"] == 10_800.0
+
+
+def test_a_dry_run_refuses_a_run_that_cannot_start(program: Program, smoke: Path) -> None:
+    words = ["--set", "transient.start=cycles/b000", "--dry-run"]
+    done = program("transient", "smoke.toml", *SETTINGS, *words)
+    assert done.exit_code == ExitCode.USAGE
+    assert "transient.start = cycles/b000" in done.stderr
 
 
 @pytest.mark.parametrize(

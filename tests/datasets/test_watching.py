@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -15,17 +16,19 @@ from typer.testing import CliRunner
 from agfb_cli.main import app
 from pipelines.datasets.branch import open_branch
 from pipelines.datasets.locking import GroupLock
-from pipelines.datasets.store import NotAStoreError, Store
-from pipelines.datasets.watching import watch
+from pipelines.datasets.store import LockedStoreError, NotAStoreError, Store, move_aside
+from pipelines.datasets.watching import Progress, command_lock, commands, progress, watch
+from tests.helpers.curves import empty_store
 from tests.helpers.synthetic import GROUP, LEAN, extend, open_or_create, static
 
 
 def test_an_ended_branch(finished: Path) -> None:
-    (state,) = watch(finished)
+    criticals, state = watch(finished)
+    assert (criticals.group, criticals.state, criticals.points) == ("criticals", "ended", None)
     assert (state.group, state.state, state.stop_reason) == ("cycles/b000", "ended", "maximum_points")
     assert (state.points, state.capacity, state.writer) == (20, 40, None)
     metadata = finished / GROUP / "zarr.json"
-    (later,) = watch(finished, now=metadata.stat().st_mtime + 90.0)
+    _, later = watch(finished, now=metadata.stat().st_mtime + 90.0)
     assert later.age == pytest.approx(90.0)
 
 
@@ -53,6 +56,27 @@ def test_a_lock_left_by_a_killed_process(store: Store) -> None:
     assert watch(store.path)[0].writer == f"{gone.pid} on elsewhere"
 
 
+def test_the_sum_of_a_case(finished: Path) -> None:
+    now = (finished / GROUP / "zarr.json").stat().st_mtime + 60.0
+    found = progress(watch(finished, now))
+    assert found == Progress("ended", 0, 0, 2, 20, 40, pytest.approx(60.0, abs=30.0))
+    assert progress([]) == Progress("not begun", 0, 0, 0, 0, 0, None)
+
+
+def test_a_command_is_seen_between_two_groups(store: Store) -> None:
+    lock = GroupLock.file(store.path, "command/elsewhere-1")
+    with command_lock(store.path):
+        assert commands(store.path) == [f"{os.getpid()} on {socket.gethostname()}"]
+        assert watch(store.path) == []
+        with pytest.raises(LockedStoreError, match=f"process {os.getpid()}"):
+            move_aside(store.path)
+        lock.write_text("1 elsewhere\n")
+        assert commands(store.path)[0] == "1 on elsewhere", "another computer is believed"
+        lock.unlink()
+    assert commands(store.path) == []
+    assert not lock.parent.exists()
+
+
 def test_no_store(tmp_path: Path) -> None:
     with pytest.raises(NotAStoreError):
         watch(tmp_path)
@@ -68,9 +92,24 @@ def test_the_command(store: Store) -> None:
         assert "1 of 1 cases begun; groups: 1 running, 0 interrupted, 0 ended" in done.stdout
         content = json.loads(runner.invoke(app, ["status", str(store.path), "--json"]).stdout)
         assert content["groups"][0]["points"] == 3
+        assert content["cases"]["synthetic"]["state"] == "running"
         writer.finish("range")
     done = runner.invoke(app, ["status", str(store.path), "--watch", "0.1"])
     assert done.exit_code == 0, "watching ends when nothing is written"
     assert "0 running, 0 interrupted, 1 ended" in done.stdout
     assert runner.invoke(app, ["status", str(store.path), "--case", "other"]).exit_code == 2
     assert open_or_create(store.path, durable=False).has_group(GROUP)
+
+
+def test_cases_that_have_not_begun(tmp_path: Path) -> None:
+    store = empty_store(tmp_path / "a.zarr", "first", "second", "third")
+    group = GROUP.replace("synthetic", "second")
+    with open_branch(store, group, "cycles", LEAN, static(LEAN), {"parameter": "speed"}) as writer:
+        extend(writer, 3)
+    done = CliRunner().invoke(app, ["status", str(store.path)])
+    assert re.search(r"^first +not begun +0 +- +-$", done.stdout, flags=re.MULTILINE)
+    assert re.search(r"^second +interrupted +0 +3 of at most 40 +\d+ s ago$", done.stdout, flags=re.MULTILINE)
+    assert "1 of 3 cases begun; groups: 0 running, 1 interrupted, 0 ended; 3 points" in done.stdout
+    content = json.loads(CliRunner().invoke(app, ["status", str(store.path), "--json"]).stdout)
+    assert [case["state"] for case in content["cases"].values()] == ["not begun", "interrupted", "not begun"]
+    assert content["total"]["points"] == 3

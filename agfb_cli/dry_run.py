@@ -1,0 +1,72 @@
+"""What `--dry-run` prints: what is there of every stage, and about how long the rest takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from agfb_cli.console import Console, table
+from agfb_cli.errors import UsageError
+from agfb_cli.progress import in_words
+
+if TYPE_CHECKING:
+    from pipelines.case.reading import NamedCase
+    from pipelines.stages.plan import Planned
+
+
+def make_plan(stages: Sequence[str], cases: Sequence[NamedCase], store: Path | None) -> list[Planned]:
+    """The plan of the stages on the cases, without a store where they start afresh.
+
+    Raises UsageError for a run in time that cannot start, StoreError for a damaged store.
+    """
+    from pipelines.stages.plan import plan
+    from pipelines.stages.transient_start import CannotRunError
+
+    try:
+        return list(plan(stages, cases, store))
+    except CannotRunError as error:
+        raise UsageError(error.reason, error.advice) from None
+
+
+def show_plan(
+    planned: Sequence[Planned], store: Path, afresh: bool, processes: int, console: Console
+) -> None:
+    """Show the plan of a store, which is made `afresh` or gone on with by a number of processes."""
+    seconds, unknown = time_left(planned, processes)
+    if console.json:
+        console.json_data(
+            {"store": str(store), "plan": [each.as_dict() for each in planned]}
+            | {"processes": processes, "seconds": seconds, "unknown": unknown}
+        )
+        return
+    console.data(table(("case", "stage", "there", "points", "time left"), [_row(each) for each in planned]))
+    parts = [f"about {in_words(seconds)} at most"] if seconds else []
+    parts += [f"stages of unknown length: {unknown}"] if unknown else []
+    console.data(f"left: {'; '.join(parts) or 'nothing'}")
+    if seconds:
+        console.message("times are measured on a few points now: good to a factor of two or three")
+    console.message(f"dry run: {'creates' if afresh else 'goes on with'} {store}; nothing was computed")
+
+
+def time_left(planned: Sequence[Planned], processes: int) -> tuple[float, int]:
+    """Seconds of everything whose length is known, on a number of processes, and how many stages are not.
+
+    The stages of a case follow each other: it takes at least as long as its longest case.
+    """
+    by_case: dict[str, float] = {}
+    for each in planned:
+        by_case[each.case_id] = by_case.get(each.case_id, 0.0) + (each.seconds or 0.0)
+    longest = max(by_case.values(), default=0.0)
+    return max(sum(by_case.values()) / processes, longest), sum(each.seconds is None for each in planned)
+
+
+def _row(each: Planned) -> tuple[Any, ...]:
+    points = str(each.points) + (f" of at most {each.most}" if each.most is not None else "")
+    if each.seconds is None:
+        left = f"unknown: {each.note}"
+    elif each.seconds == 0.0:
+        left = "-"
+    else:
+        left = f"about {in_words(each.seconds)} at most" + (f" ({each.note})" if each.note else "")
+    return each.case_id, each.stage.replace("_", "-"), each.there.value, points, left

@@ -1,0 +1,52 @@
+"""How the words of the command line are taken: what is wrong with them is told to programs too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from agfb_cli.completion import whole_words
+from agfb_cli.console import Console
+from agfb_cli.errors import ExitCode, Explanation
+
+ASKED_FOR_JSON = "agfb_cli.json"
+# UsageError, which typer exports under no name of its own
+_REFUSAL: type[Any] = typer.BadParameter.mro()[1]
+
+
+class Program(TyperGroup):
+    """The group of all commands. A command line that typer refuses (a missing argument, an unknown option)
+    gets a JSON document on stdout when it asks for JSON, besides typer's message on stderr.
+    """
+
+    def main(self, *others: Any, **more: Any) -> Any:
+        """Run the program, or answer the shell."""
+        with whole_words():
+            return super().main(*others, **more)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take the words before the command."""
+        ctx.meta[ASKED_FOR_JSON] = "--json" in args
+        with told(ctx.meta[ASKED_FOR_JSON]):
+            return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Take the command and its words, and run it."""
+        with told(ctx.meta[ASKED_FOR_JSON]):
+            return super().invoke(ctx)
+
+
+@contextmanager
+def told(asked: bool) -> Iterator[None]:
+    """Write an error of usage that passes through as JSON, if it is asked for."""
+    try:
+        yield
+    except _REFUSAL as error:
+        if asked:
+            explanation = Explanation(ExitCode.USAGE, error.format_message())
+            Console(json=True).json_data({"error": explanation.as_dict()})
+        raise
