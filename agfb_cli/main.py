@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from agfb_cli.commands import (
+    calibrate,
     compare,
     continue_cycles,
     continue_tori,
@@ -102,6 +103,7 @@ app.command("track-ns", help=track_curves.NEIMARK_SACKER_HELP)(track_curves.trac
 app.command("track-folds", help=track_curves.FOLD_HELP)(track_curves.track_folds)
 app.command("transient", help=transient.HELP)(transient.transient)
 app.command("run", help=run.HELP)(run.run)
+app.command("calibrate", help=calibrate.HELP)(calibrate.calibrate)
 app.command("report")(report.report)
 app.command("figures")(figures.figures)
 app.command("validate")(validate.validate)

@@ -1,4 +1,4 @@
-"""The table of the calibration: which keys may change, and which measured or printed values they must meet."""
+"""The table of the calibration: which keys may change, and which values the machine must then meet."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ class CalibrationTarget(Table):
     """One value that the machine shall have."""
 
     quantity: Literal["onset_speed", "critical_speed", "onset_slope"] = choice(
-        "`onset_speed`: lowest speed at which the cycle, or at displacement 0 the equilibrium, loses stability; "
-        "`critical_speed`: the one of `number`; `onset_slope`: d(onset speed)/d(excitation frequency), 0 at the "
-        "frequency of the highest onset speed",
+        "`onset_speed`: lowest speed at which the cycle (at displacement 0 the equilibrium) loses stability; "
+        "`critical_speed`: the one of `number`; `onset_slope`: d(onset speed)/d(excitation frequency), 0 at "
+        "the frequency of the highest onset speed",
         "onset_speed",
     )
     value: float | None = scalar("the wanted value, dimensionless", "1", None)

@@ -1,9 +1,9 @@
-"""The onset speed of a machine: the lowest speed at which its equilibrium or its forced cycle loses stability.
+"""The onset speed of a machine: the lowest speed at which its equilibrium or forced cycle loses stability.
 
 At displacement 0 that is the first Hopf point of the equilibrium, otherwise the first bifurcation on a branch
-of cycles along the rising speed at which a multiplier leaves the unit circle.  The branch begins at the lowest
-speed, or a little below an expected onset where the cycle is stable there: then a few points are enough, but
-an instability below that start is not seen.
+of cycles along the rising speed at which a multiplier leaves the unit circle.  The branch begins at the
+lowest speed, or a little below an expected onset where the cycle is stable there: then a few points are
+enough, but an instability below that start is not seen.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ShouldStop = Callable[[], bool]
 
 BELOW = (0.93, 0.8)  # of an expected onset: where a branch begins, the nearest first
 AROUND = (0.9, 1.1)  # of an expected onset: where a Hopf point is sought first
-EVENT_TOLERANCE = 1e-7  # of the bracket along the branch: below what differences of onsets can tell
+EVENT_TOLERANCE = 1e-6  # of the bracket along the branch: well below what differences of onsets tell
 
 FOUND, CENSORED_BELOW, CENSORED_ABOVE = "found", "censored_below", "censored_above"
 NO_EQUILIBRIUM, NO_CYCLE, BRANCH_LOST = "no_equilibrium", "no_cycle", "branch_lost"
