@@ -44,6 +44,7 @@ ADVICE = {
     OUT_OF_EVALUATIONS: "raise calibrate.max_evaluations to go on, or calibrate.tolerance",
 }
 NO_TABLE = "there is no table [calibrate]"
+DIGITS = 10  # of the values of parameters
 SAME_ONSET = 1e-3  # relative difference up to which two onsets count as one
 NAMES = ("position", "reached", "onset", "status", "begin")
 
@@ -92,11 +93,10 @@ def position_of(parameter: CalibrationParameter, value: float) -> float:
 
 
 def value_at(parameter: CalibrationParameter, position: float) -> float:
-    """The inverse of `position_of`."""
+    """The inverse of `position_of`, to the digits that are shown: the machine can be built from them."""
     low, high = parameter.range
-    return (
-        float(low * (high / low) ** position) if parameter.scale == "log" else low + position * (high - low)
-    )
+    value = low * (high / low) ** position if parameter.scale == "log" else low + position * (high - low)
+    return float(f"{value:.{DIGITS}g}")
 
 
 def values_at(settings: Calibrate, position: Array) -> dict[str, float]:

@@ -33,7 +33,8 @@ Array = NDArray[np.float64]
 ShouldStop = Callable[[], bool]
 
 BELOW = (0.93, 0.8)  # of an expected onset: where a branch begins, the nearest first
-AROUND = (0.9, 1.1)  # of an expected onset: where a Hopf point is sought first
+AROUND = (0.9, 1.1)  # of an expected onset: where a Hopf point is sought first, seen from so many speeds:
+NEAR_POINTS = 5
 EVENT_TOLERANCE = 1e-6  # of the bracket along the branch: well below what differences of onsets tell
 
 FOUND, CENSORED_BELOW, CENSORED_ABOVE = "found", "censored_below", "censored_above"
@@ -109,7 +110,7 @@ def _hopf_onset(
     low, high = interval
     if expected is not None:
         near = [min(max(factor * expected, low), high) for factor in AROUND]
-        hopf = first_hopf(machine, parameters, *near) if near[0] < near[1] else None
+        hopf = first_hopf(machine, parameters, *near, NEAR_POINTS) if near[0] < near[1] else None
         if hopf is not None:
             return Onset(FOUND, hopf.speed, HOPF)
     hopf = first_hopf(machine, parameters, low, high)

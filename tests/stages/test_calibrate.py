@@ -1,0 +1,302 @@
+"""The calibration finds the machine that its targets were made with, resumes, and tells what it cannot do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipelines.case.reading import NamedCase, read_cases
+from pipelines.datasets.integrity import verify
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.records import Group
+from pipelines.datasets.store import OtherConfigurationError, open_for_reading
+from pipelines.stages.calibrate import (
+    CONVERGED,
+    FAILED_TARGETS,
+    NO_TABLE,
+    OUT_OF_EVALUATIONS,
+    position_of,
+    start_position,
+    value_at,
+)
+from pipelines.stages.calibration_report import Calibration, read_calibration
+from pipelines.stages.calibration_targets import reached
+from tests.helpers.tiny import CONFIG, TINY, Watched, tiny_case
+from tests.helpers.trees import compare_trees
+
+TOLERANCE = 1e-3
+TRUE = {"bearings.foil.loss_factor": 0.6, "rotor.discs.mass": 0.07}
+WIDE_STEPS = ("continue_cycles.step=0.05", "continue_cycles.maximum_step=0.1")
+PARAMETERS = """
+[calibrate]
+tolerance = 1e-3
+speed_range = [0.9, 1.4]
+[[calibrate.parameters]]
+keys = ["bearings.foil.loss_factor"]
+range = [0.2, 0.8]
+scale = "log"
+[[calibrate.parameters]]
+keys = ["rotor.discs.mass"]
+range = [0.05, 0.12]
+"""
+RESTING = """
+[[calibrate.targets]]
+value = {values[0]}
+uncertainty = 0.001
+set = {{ "excitation.displacement" = 0.0, "bearings.foil.stiffness" = 3.0 }}
+[[calibrate.targets]]
+value = {values[1]}
+uncertainty = 0.001
+set = {{ "excitation.displacement" = 0.0, "bearings.foil.stiffness" = 50.0 }}
+"""
+
+
+def calibrated(table: str, *overrides: str) -> NamedCase:
+    """The tiny case with a calibration."""
+    text = CONFIG.read_text() + table
+    (named,) = read_cases(text, CONFIG.name, (*TINY, *WIDE_STEPS, *overrides))
+    return named
+
+
+def of_the_true_machine(table: str, true: dict[str, float] = TRUE) -> list[float]:
+    """What the machine that is to be found reaches of the targets of a table."""
+    case = calibrated(table.format(values=[1.0] * 9)).case
+    assert case.calibrate is not None
+    plain = case.model_copy(update={"calibrate": None})
+    return [
+        reached(plain, true, target, case.calibrate, None, lambda: False).value
+        for target in case.calibrate.targets
+    ]
+
+
+def stored(path: Path) -> Group:
+    return read_group(open_for_reading(path), "cases/smoke/calibration")
+
+
+def told(path: Path, case: NamedCase) -> Calibration:
+    found = read_calibration(open_for_reading(path), case.case_id, case.case)
+    assert found is not None
+    return found
+
+
+def distance(found: Calibration, case: NamedCase, true: dict[str, float] = TRUE) -> np.ndarray:
+    """How far the found values lie from those of the true machine, in parts of the ranges."""
+    assert case.case.calibrate is not None
+    return np.array([
+        position_of(parameter, found.values[key]) - position_of(parameter, true[key])
+        for parameter in case.case.calibrate.parameters
+        for key in parameter.keys
+    ])  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def resting() -> NamedCase:
+    table = PARAMETERS + RESTING
+    return calibrated(table.format(values=of_the_true_machine(table)))
+
+
+@pytest.fixture(scope="module")
+def finished(resting: NamedCase, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("calibrated") / "a.zarr"
+    assert Watched("calibrate", resting, path).result.ok
+    return path
+
+
+def test_it_finds_the_machine_that_the_targets_were_made_with(resting: NamedCase, finished: Path) -> None:
+    found = told(finished, resting)
+    assert found.stop_reason == CONVERGED
+    assert np.abs(distance(found, resting)).max() < TOLERANCE
+    start = start_position(resting.case, resting.case.calibrate)  # type: ignore[arg-type]
+    assert np.abs(start - stored(finished)["position"][-1]).min() > 0.1, "it had a way to go"
+    for row in found.targets:
+        assert row.deviation is not None
+        assert abs(row.deviation) < 0.1
+        assert row.bifurcation == "hopf"
+    assert verify(open_for_reading(finished)) == []
+
+
+def test_the_uncertainty_of_a_parameter_is_that_of_the_targets_carried_over(
+    resting: NamedCase, finished: Path
+) -> None:
+    """With as many targets as unknowns: d position = J^-1 d r, each r with variance one."""
+    found, jacobian = told(finished, resting), np.array(stored(finished).attributes["jacobian"])
+    expected = np.sqrt(np.sum(np.linalg.inv(jacobian) ** 2, axis=1))
+    loss, mass = found.parameters
+    assert mass.uncertainty == pytest.approx(expected[1] * 0.07, rel=1e-6)
+    assert loss.uncertainty == pytest.approx(expected[0] * np.log(4.0) * loss.after, rel=1e-6)
+    assert found.undetermined == ()
+
+
+def test_the_last_row_confirms_the_found_machine_from_the_lowest_speed(finished: Path) -> None:
+    rows = stored(finished)
+    begins = rows.labels("begin")
+    assert list(begins) == ["lowest_speed"] + ["near_onset"] * (rows.n_points - 2) + ["lowest_speed"]
+    best = np.flatnonzero(np.all(rows["position"] == rows["position"][-1], axis=1))
+    assert len(best) == 2
+    np.testing.assert_allclose(rows["onset"][best[0]], rows["onset"][best[1]], rtol=1e-6)
+
+
+@pytest.mark.parametrize("machines", [1, 4])
+def test_interrupted_and_resumed_it_has_the_same_bytes(
+    machines: int, resting: NamedCase, finished: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.zarr"
+    first = Watched("calibrate", resting, path, stop_after=machines)
+    assert first.result.stop_reason == "stopped on request"
+    assert stored(path).n_points == machines
+    assert Watched("calibrate", resting, path).result.ok
+    assert compare_trees(finished, path) == []
+
+
+def test_a_finished_one_computes_nothing_and_another_request_is_refused(
+    resting: NamedCase, finished: Path
+) -> None:
+    again = Watched("calibrate", resting, finished)
+    assert again.result.ok
+    assert again.finished == 0
+    settings = resting.case.calibrate
+    assert settings is not None
+    other = resting.case.model_copy(update={"calibrate": settings.model_copy(update={"tolerance": 1e-4})})
+    with pytest.raises(OtherConfigurationError, match="tolerance"):
+        Watched("calibrate", NamedCase.of("smoke", other), finished)
+
+
+def test_with_more_machines_allowed_it_goes_on(resting: NamedCase, finished: Path, tmp_path: Path) -> None:
+    settings = resting.case.calibrate
+    assert settings is not None
+    few = settings.model_copy(update={"max_evaluations": 4})
+    short = NamedCase.of("smoke", resting.case.model_copy(update={"calibrate": few}))
+    path = tmp_path / "a.zarr"
+    stopped = Watched("calibrate", short, path).result
+    assert not stopped.ok
+    assert stopped.stop_reason == OUT_OF_EVALUATIONS
+    assert "max_evaluations" in stopped.advice
+    assert told(path, short).machines == 4
+    assert Watched("calibrate", resting, path).result.ok
+    np.testing.assert_array_equal(stored(path)["reached"], stored(finished)["reached"])
+
+
+def test_a_forced_machine_is_found_through_its_neimark_sacker_point_and_slope(tmp_path: Path) -> None:
+    """One unknown, of the rings; the second target is d(onset)/d(Omega_ex)."""
+    table = """
+[calibrate]
+tolerance = 1e-2
+speed_range = [1.0, 1.4]
+[[calibrate.parameters]]
+keys = ["excitation.displacement"]
+range = [0.1, 0.3]
+[[calibrate.targets]]
+value = {values[0]}
+weight = 100.0
+bifurcation = "neimark_sacker"
+"""
+    true = {"excitation.displacement": 0.24}
+    case = calibrated(table.format(values=of_the_true_machine(table, true)))
+    assert Watched("calibrate", case, tmp_path / "a.zarr").result.ok
+    found = told(tmp_path / "a.zarr", case)
+    assert np.abs(distance(found, case, true)).max() < 1e-2
+    assert found.targets[0].bifurcation == "neimark_sacker"
+    assert found.parameters[0].uncertainty is None, "one target of unknown scatter tells none"
+
+
+def test_what_the_targets_do_not_feel_is_told(tmp_path: Path) -> None:
+    """Of two keys that do the same only the sum is determined."""
+    table = """
+[calibrate]
+max_evaluations = 3
+speed_range = [1.0, 1.2]
+[[calibrate.parameters]]
+keys = ["rotor.discs.0.mass"]
+range = [0.05, 0.12]
+[[calibrate.parameters]]
+keys = ["rotor.discs.1.mass"]
+range = [0.05, 0.12]
+[[calibrate.targets]]
+value = 1.1
+uncertainty = 0.01
+set = { "excitation.displacement" = 0.0 }
+"""
+    case = calibrated(table)
+    assert not Watched("calibrate", case, tmp_path / "a.zarr").result.ok
+    found = told(tmp_path / "a.zarr", case)
+    (direction,) = found.undetermined
+    first, second = direction["rotor.discs.0.mass"], direction["rotor.discs.1.mass"]
+    assert first == pytest.approx(-second, rel=1e-3)
+    assert [row.uncertainty for row in found.parameters] == [None, None]
+
+
+def test_censored_and_failed_targets_are_recorded_and_told(tmp_path: Path) -> None:
+    """Below, above, and no cycle: the film of a speed near zero is too thin to start from."""
+    table = """
+[calibrate]
+max_evaluations = 2
+[[calibrate.parameters]]
+keys = ["rotor.discs.mass"]
+range = [0.05, 0.12]
+[[calibrate.targets]]
+value = 1.1
+speed_range = [1.2, 1.3]
+set = { "excitation.displacement" = 0.0 }
+[[calibrate.targets]]
+value = 1.1
+speed_range = [0.7, 0.8]
+set = { "excitation.displacement" = 0.0 }
+[[calibrate.targets]]
+value = 1.1
+speed_range = [1.25, 1.3]
+[[calibrate.targets]]
+value = 1.1
+speed_range = [1.0, 1.02]
+[[calibrate.targets]]
+value = 1.1
+speed_range = [0.001, 0.002]
+"""
+    case = calibrated(table)
+    result = Watched("calibrate", case, tmp_path / "a.zarr").result
+    assert not result.ok
+    rows = stored(tmp_path / "a.zarr")
+    below, above = "censored_below", "censored_above"
+    assert list(rows.labels("status")[0][:4]) == [below, above, below, above]
+    assert rows.labels("status")[0][4] in ("no_cycle", "film_limit")
+    np.testing.assert_array_equal(rows["reached"][0], [1.2, 0.8, 1.25, 1.02, np.nan])
+    remarks = [row.remark for row in told(tmp_path / "a.zarr", case).targets]
+    assert remarks[0].startswith("unstable from the lowest speed")
+    assert remarks[1].startswith("none up to the highest speed")
+    assert told(tmp_path / "a.zarr", case).targets[4].reached is None
+    assert told(tmp_path / "a.zarr", case).sum_of_squares is None
+
+
+def test_a_case_without_a_table_says_what_to_give(tmp_path: Path) -> None:
+    result = Watched("calibrate", tiny_case(), tmp_path / "a.zarr").result
+    assert not result.ok
+    assert result.stop_reason == NO_TABLE
+    assert "calibrate.targets" in result.advice
+
+
+def test_targets_that_fail_at_the_found_machine_are_no_success(tmp_path: Path) -> None:
+    table = """
+[calibrate]
+speed_range = [0.001, 0.002]
+[[calibrate.parameters]]
+keys = ["rotor.discs.mass"]
+range = [0.05, 0.12]
+[[calibrate.targets]]
+value = 1.1
+set = { "excitation.displacement" = 0.0 }
+"""
+    result = Watched("calibrate", calibrated(table), tmp_path / "a.zarr").result
+    assert not result.ok
+    assert result.stop_reason == FAILED_TARGETS
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_positions_and_values_are_inverse(scale: Any) -> None:
+    case = calibrated(PARAMETERS + RESTING.format(values=[1.0, 1.0])).case
+    assert case.calibrate is not None
+    parameter = case.calibrate.parameters[0].model_copy(update={"scale": scale})
+    for value in (0.2, 0.425, 0.8):
+        assert value_at(parameter, position_of(parameter, value)) == pytest.approx(value, rel=1e-9)
+    assert [position_of(parameter, value) for value in parameter.range] == [0.0, 1.0]
