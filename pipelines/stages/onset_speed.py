@@ -35,6 +35,7 @@ ShouldStop = Callable[[], bool]
 BELOW = (0.93, 0.8)  # of an expected onset: where a branch begins, the nearest first
 AROUND = (0.9, 1.1)  # of an expected onset: where a Hopf point is sought first, seen from so many speeds:
 NEAR_POINTS = 5
+STEP_TOLERANCE = 1e-5  # of the time steps in the multipliers, unless the case allows more
 EVENT_TOLERANCE = 1e-6  # of the bracket along the branch: well below what differences of onsets tell
 
 FOUND, CENSORED_BELOW, CENSORED_ABOVE = "found", "censored_below", "censored_above"
@@ -137,7 +138,9 @@ def _onset_above(
     table = case.continue_cycles.model_copy(
         update={"parameter": "speed", "range": (start, interval[1]), "start": start}
     )
-    case = case.model_copy(update={"continue_cycles": table})
+    loose = max(case.numerics.multiplier_tolerance, STEP_TOLERANCE)
+    numerics = case.numerics.model_copy(update={"multiplier_tolerance": loose})
+    case = case.model_copy(update={"continue_cycles": table, "numerics": numerics})
     problem = cycle_problem(machine, case)
     options = continuation_options(case, 1)
     options = replace(options, detection=DetectionOptions(event_tolerance=EVENT_TOLERANCE))
