@@ -20,10 +20,10 @@ def with_values(text: str, values: Mapping[str, float]) -> str:
     that the text does not hold, or that it sweeps.
     """
     spans = value_spans(text)
-    swept = {path[1:] for path in spans if path[0] == "sweep"}
+    swept = {".".join(str(part) for part in path[1:-1]) for path in spans if path[0] == "sweep"}
     replaced: dict[tuple[int, int], str] = {}
     for key, value in values.items():
-        if any(".".join(str(part) for part in path) == key for path in swept):
+        if key in swept:
             raise NotWrittenError(f"{key} is swept")
         try:
             paths = assign(tomllib.loads(text), key, value)

@@ -110,8 +110,8 @@ def _hopf_onset(
     """The first Hopf point, sought around the expected one first."""
     low, high = interval
     if expected is not None:
-        near = [min(max(factor * expected, low), high) for factor in AROUND]
-        hopf = first_hopf(machine, parameters, *near, NEAR_POINTS) if near[0] < near[1] else None
+        below, above = (min(max(factor * expected, low), high) for factor in AROUND)
+        hopf = first_hopf(machine, parameters, below, above, NEAR_POINTS) if below < above else None
         if hopf is not None:
             return Onset(FOUND, hopf.speed, HOPF)
     hopf = first_hopf(machine, parameters, low, high)

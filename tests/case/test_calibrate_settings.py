@@ -12,7 +12,7 @@ from pipelines.case.reading import Problem, read_cases
 from pipelines.case.rewriting import NotWrittenError, with_values
 
 Problems = Callable[..., tuple[Problem, ...]]
-LINES = 32  # of the configuration before the table
+LINES = 33  # of the configuration before the table
 TABLE = """\
 [calibrate]
 [[calibrate.parameters]]
@@ -44,32 +44,31 @@ def test_a_table_is_read_and_leaves_the_identity_alone(text: str) -> None:
 @pytest.mark.parametrize(
     ("line", "replacement", "problem_line", "key", "message"),
     [
-        (3, "keys = []", 3, "calibrate.parameters.0.keys", "needs at least 1 entries"),
-        (3, 'keys = ["rotor.discs.mas"]', 3, "calibrate.parameters.0.keys.0", "did you mean rotor.discs.0.mass"),
-        (3, 'keys = ["gas.viscosity.x"]', 3, "calibrate.parameters.0.keys.0", "which is a value and no table"),
-        (3, 'keys = ["bearings.foil.areal_stiffness"]', 4, "calibrate.parameters.0.range", "exactly one of"),
-        (3, 'keys = ["rotor.masters.0"]', 4, "calibrate.parameters.0.range", "whole number"),
-        (3, 'keys = ["rotor.discs.mass", "rotor.discs.mass"]', 3, "calibrate.parameters.0.keys.1", "twice"),
-        (4, "range = [0.12, 0.05]", 5, "calibrate.parameters.0.scale", "low < high"),
-        (4, "range = [0.0, 0.12]", 5, "calibrate.parameters.0.scale", 'scale = "log"'),
-        (4, "range = [0.09, 0.12]", 4, "calibrate.parameters.0.range", "own rotor.discs.mass = 0.08"),
-        (4, "range = [0.05, 1e12]", 4, "calibrate.parameters.0.range", "rotor.discs.mass = 1000000000000.0: must"),
-        (7, "weight = 1.0", 6, "calibrate.targets.0.value_rpm", "exactly one of value, value_rpm"),
-        (7, "value = 1.0\nvalue_rpm = 1e4", 8, "calibrate.targets.0.value_rpm", "exactly one of"),
-        (7, "value = 1.0\nweight = 1.0\nuncertainty = 1.0", 9, "calibrate.targets.0.uncertainty", "not both"),
-        (7, 'quantity = "onset_slope"\nvalue_rpm = 1.0', 8, "calibrate.targets.0.value_rpm", "is no speed"),
-        (7, 'value = 1.0\nquantity = "speed"', 8, "calibrate.targets.0.quantity", "must be one of onset_speed"),
-        (7, "value = 1.0\nspeed_range = [1.0, 0.5]", 8, "calibrate.targets.0.speed_range", "low < high"),
-        (8, 'set = { "excitation.freqency" = 1.0 }', 8, "calibrate.targets.0.set.excitation.freqency",
+        (3, "keys = []", 3, "parameters.0.keys", "needs at least 1 entries"),
+        (3, 'keys = ["rotor.discs.mas"]', 3, "parameters.0.keys.0", "did you mean rotor.discs.0.mass"),
+        (3, 'keys = ["gas.viscosity.x"]', 3, "parameters.0.keys.0", "which is a value and no table"),
+        (3, 'keys = ["bearings.foil.areal_stiffness"]', 3, "parameters.0.keys.0", "has no number"),
+        (3, 'keys = ["rotor.discs.mass", "rotor.discs.mass"]', 3, "parameters.0.keys.1", "twice"),
+        (4, "range = [0.12, 0.05]", 5, "parameters.0.scale", "low < high"),
+        (4, "range = [0.0, 0.12]", 5, "parameters.0.scale", 'scale = "log"'),
+        (4, "range = [0.09, 0.12]", 4, "parameters.0.range", "own rotor.discs.mass = 0.08"),
+        (4, "range = [0.05, 1e12]", 4, "parameters.0.range", "rotor.discs.mass = 1000000000000.0: must"),
+        (7, "weight = 1.0", 6, "targets.0.value_rpm", "exactly one of value, value_rpm"),
+        (7, "value = 1.0\nvalue_rpm = 1e4", 8, "targets.0.value_rpm", "exactly one of"),
+        (7, "value = 1.0\nweight = 1.0\nuncertainty = 1.0", 9, "targets.0.uncertainty", "not both"),
+        (7, 'quantity = "onset_slope"\nvalue_rpm = 1.0', 8, "targets.0.value_rpm", "is no speed"),
+        (7, 'value = 1.0\nquantity = "speed"', 8, "targets.0.quantity", "must be one of onset_speed"),
+        (7, "value = 1.0\nspeed_range = [1.0, 0.5]", 8, "targets.0.speed_range", "low < high"),
+        (8, 'set = { "excitation.freqency" = 1.0 }', 8, "targets.0.set.excitation.freqency",
          "did you mean excitation.frequency"),
-        (8, 'set = { "excitation.frequency" = -1.0 }', 8, "calibrate.targets.0.set.excitation.frequency", "must be"),
+        (8, 'set = { "excitation.frequency" = -1.0 }', 8, "targets.0.set.excitation.frequency", "must be"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_at_its_line(
     problems: Problems, line: int, replacement: str, problem_line: int, key: str, message: str
 ) -> None:
     (problem,) = problems(end=table_with(line, replacement))
-    assert (problem.line, problem.key) == (problem_line + LINES, key)
+    assert (problem.line, problem.key) == (problem_line + LINES, f"calibrate.{key}")
     assert message in problem.message
 
 
