@@ -12,6 +12,7 @@ import typer
 from agfb_cli.commands import (
     calibrate,
     compare,
+    compare_paper,
     continue_cycles,
     continue_tori,
     criticals,
@@ -112,5 +113,6 @@ app.command("info")(info.info)
 app.command("status")(status.status)
 app.command("export")(export.export)
 app.command("compare")(compare.compare)
+app.command("compare-paper")(compare_paper.compare_paper)
 app.command("verify")(verify.verify)
 app.command("doctor")(doctor.doctor)
