@@ -60,7 +60,7 @@ def compare_paper(
             console.detail(f"{source}: {IN_THE_PAPER[source]}")
         for case in cases:
             name = f"k_b = {case.foil_stiffness:g}, displacement {case.displacement:g}"
-            for caution in case.stored.cautions if case.stored is not None else (case.reason,):
+            for caution in case.stored.stored.cautions if case.stored is not None else (case.reason,):
                 console.message(f"caution: {name}: {caution}")
         console.data(RECONSTRUCTION)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -102,12 +103,40 @@ class Row:
 
 
 @dataclass(frozen=True)
+class PaperPlane:
+    """What a store has of one case, and its threshold over the excitation frequency, found once."""
+
+    stored: StoredPlane
+
+    @property
+    def plane(self) -> SpeedPlane:
+        """The plane with all its curves."""
+        return self.stored.plane
+
+    @cached_property
+    def threshold(self) -> SpeedPlane:
+        """The plane with its Neimark-Sacker curves alone: other losses of stability do not count."""
+        none = np.zeros(0, dtype=np.int64)
+        curves = self.of_kind("neimark_sacker")
+        return replace(self.plane, curves=curves, samples=np.zeros((0, 2)), unstable=none)
+
+    @cached_property
+    def envelope(self) -> tuple[Boundary, ...]:
+        """The threshold by rising excitation frequency; nothing without Neimark-Sacker curves."""
+        return tuple(lower_envelope(self.threshold)) if self.threshold.curves else ()
+
+    def of_kind(self, bifurcation: str) -> list[BifurcationCurve]:
+        """Its curves of one kind."""
+        return [curve for curve in self.plane.curves if curve.bifurcation == bifurcation]
+
+
+@dataclass(frozen=True)
 class PaperCase:
     """One case of a store: its parameters and its plane, or why there is none."""
 
     foil_stiffness: float
     displacement: float
-    stored: StoredPlane | None
+    stored: PaperPlane | None
     reason: str = ""
 
 
@@ -137,14 +166,14 @@ def read_cases_of_paper(stores: Sequence[Store]) -> list[PaperCase]:
     return [found[key] for key in sorted(found)]
 
 
-def _plane_of(store: Store, case: str) -> tuple[StoredPlane | None, str]:
+def _plane_of(store: Store, case: str) -> tuple[PaperPlane | None, str]:
     try:
         stored = stored_plane(store, case)
     except NoSetError as error:
         return None, f"{error}: `agfb run` searches one"
     if stored.parameter != FREQUENCY:
         return None, f"its curves lie over {stored.parameter.replace('_', ' ')}, not the excitation frequency"
-    return stored, ""
+    return PaperPlane(stored), ""
 
 
 def compare_paper(cases: Sequence[PaperCase]) -> list[Row]:
@@ -172,7 +201,7 @@ def _case_of(cases: Sequence[PaperCase], stiffness: float, displacement: float) 
     return PaperCase(stiffness, displacement, None, "no such case in the stores")
 
 
-def _from(case: PaperCase, tell: Callable[[StoredPlane], Found]) -> Found:
+def _from(case: PaperCase, tell: Callable[[PaperPlane], Found]) -> Found:
     """What a case tells, with what its search left open."""
     if case.stored is None:
         return Found(None, case.reason)
@@ -180,43 +209,28 @@ def _from(case: PaperCase, tell: Callable[[StoredPlane], Found]) -> Found:
     return Found(found.value, _remark(found.remark, case.stored))
 
 
-def _remark(told: str, stored: StoredPlane) -> str:
+def _remark(told: str, stored: PaperPlane) -> str:
     """A remark, and that of a plane that was not wholly searched."""
-    return "; ".join(filter(None, (told, NOT_COMPLETE if stored.cautions else "")))
+    return "; ".join(filter(None, (told, NOT_COMPLETE if stored.stored.cautions else "")))
 
 
-def _of_kind(plane: SpeedPlane, bifurcation: str) -> list[BifurcationCurve]:
-    return [curve for curve in plane.curves if curve.bifurcation == bifurcation]
-
-
-def threshold_plane(plane: SpeedPlane) -> SpeedPlane:
-    """The plane with its Neimark-Sacker curves alone: stability that is lost in other ways does not count."""
-    none = np.zeros(0, dtype=np.int64)
-    curves = _of_kind(plane, "neimark_sacker")
-    return replace(plane, curves=curves, samples=np.zeros((0, 2)), unstable=none)
-
-
-def threshold_at(stored: StoredPlane, frequency: float) -> Found:
+def threshold_at(stored: PaperPlane, frequency: float) -> Found:
     """The threshold speed at an excitation frequency, or at the nearest end of the plane."""
     low, high = stored.plane.abscissae
     inside = min(max(frequency, low), high)
     moved = "" if inside == frequency else f"at {inside:.4g}, the end of the plane"
-    boundary = threshold_plane(stored.plane).boundary(inside)
+    boundary = stored.threshold.boundary(inside)
     if boundary.is_open:
         return Found(None, f"no Neimark-Sacker point up to speed {boundary.speed:.4g}")
     return Found(boundary.speed, moved)
 
 
-def maxima(stored: StoredPlane) -> list[Boundary]:
+def maxima(stored: PaperPlane) -> list[Boundary]:
     """Maxima of the threshold over the excitation frequency, inside the plane, by rising frequency; where no
     Neimark-Sacker point bounds it, the middle of the open interval.
     """
-    plane = threshold_plane(stored.plane)
-    if not plane.curves:
-        return []
-    boundaries = lower_envelope(plane)
-    peaks, _ = find_peaks([boundary.speed for boundary in boundaries], prominence=PROMINENCE)
-    return [boundaries[peak] for peak in peaks]
+    peaks, _ = find_peaks([boundary.speed for boundary in stored.envelope], prominence=PROMINENCE)
+    return [stored.envelope[peak] for peak in peaks]
 
 
 def _thresholds(printed: Printed, case: PaperCase) -> tuple[list[Row], Found]:
@@ -248,7 +262,7 @@ def _thresholds(printed: Printed, case: PaperCase) -> tuple[list[Row], Found]:
 def _nearest_maximum(printed: Printed, case: PaperCase) -> tuple[Found, Found]:
     """Excitation frequency and threshold of the maximum nearest to the printed anti-resonance."""
 
-    def nearest(stored: StoredPlane) -> Boundary | None:
+    def nearest(stored: PaperPlane) -> Boundary | None:
         found = maxima(stored)
         return min(found, key=lambda each: abs(each.abscissa - printed.antiresonance)) if found else None
 
@@ -258,7 +272,7 @@ def _nearest_maximum(printed: Printed, case: PaperCase) -> tuple[Found, Found]:
 def _highest_maximum(case: PaperCase) -> Found:
     """Excitation frequency of the highest maximum, its threshold in the remark."""
 
-    def highest(stored: StoredPlane) -> Boundary | None:
+    def highest(stored: PaperPlane) -> Boundary | None:
         return max(maxima(stored), key=lambda each: each.speed, default=None)
 
     frequency, threshold = _maximum(case, highest)
@@ -266,7 +280,7 @@ def _highest_maximum(case: PaperCase) -> Found:
     return Found(frequency.value, "; ".join(filter(None, (told, frequency.remark))))
 
 
-def _maximum(case: PaperCase, choose: Callable[[StoredPlane], Boundary | None]) -> tuple[Found, Found]:
+def _maximum(case: PaperCase, choose: Callable[[PaperPlane], Boundary | None]) -> tuple[Found, Found]:
     if case.stored is None:
         return Found(None, case.reason), Found(None, case.reason)
     boundary = choose(case.stored)
@@ -298,9 +312,9 @@ def _period_doubling_rows(printed: Printed, case: PaperCase) -> list[Row]:
     at = printed.antiresonance
     found = {
         f"lowest period doubling at excitation frequency {at:g}": _from(
-            case, lambda stored: _doubling_at(stored.plane, at)
+            case, lambda stored: _doubling_at(stored, at)
         ),
-        "lowest period doubling of the plane": _from(case, lambda stored: _lowest_doubling(stored.plane)),
+        "lowest period doubling of the plane": _from(case, lambda stored: _lowest_doubling(stored)),
     }
     return [
         Row(quantity, "period doubling", printed.foil_stiffness, DISPLACEMENT, PERIOD_DOUBLING_SPEED,
@@ -309,33 +323,35 @@ def _period_doubling_rows(printed: Printed, case: PaperCase) -> list[Row]:
     ]  # fmt: skip
 
 
-def _doubling_at(plane: SpeedPlane, frequency: float) -> Found:
-    doublings = replace(plane, curves=_of_kind(plane, "period_doubling"))
-    crossings = doublings.crossings(plane.axis, frequency, *plane.speeds)
+def _doubling_at(stored: PaperPlane, frequency: float) -> Found:
+    plane = replace(stored.plane, curves=stored.of_kind("period_doubling"))
+    crossings = plane.crossings(plane.axis, frequency, *plane.speeds)
     if crossings:
         return Found(min(crossing.position for crossing in crossings))
-    intervals = doubling_intervals(plane)
+    intervals = doubling_intervals(stored)
     where = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in intervals)
     return Found(None, f"none there, but at {where}" if intervals else "no period doubling in the plane")
 
 
-def _lowest_doubling(plane: SpeedPlane) -> Found:
+def _lowest_doubling(stored: PaperPlane) -> Found:
+    axis = stored.plane.axis
     lowest: tuple[float, float] | None = None
-    for curve in _of_kind(plane, "period_doubling"):
+    for curve in stored.of_kind("period_doubling"):
         points = curve.at(np.concatenate([curve.arclength, *curve.extrema]))
-        row = points[np.argmin(points[:, 1 - plane.axis])]
-        place = float(row[1 - plane.axis]), float(row[plane.axis])
+        row = points[np.argmin(points[:, 1 - axis])]
+        place = float(row[1 - axis]), float(row[axis])
         lowest = place if lowest is None else min(lowest, place)
     if lowest is None:
         return Found(None, "no period doubling in the plane")
     return Found(lowest[0], f"at excitation frequency {lowest[1]:.4g}")
 
 
-def doubling_intervals(plane: SpeedPlane) -> list[tuple[float, float]]:
+def doubling_intervals(stored: PaperPlane) -> list[tuple[float, float]]:
     """Intervals of the excitation frequency over which there are period doublings, apart and rising."""
+    axis = stored.plane.axis
     extents = sorted(
-        (float(low[plane.axis]), float(high[plane.axis]))
-        for low, high in (curve.extent for curve in _of_kind(plane, "period_doubling"))
+        (float(low[axis]), float(high[axis]))
+        for low, high in (curve.extent for curve in stored.of_kind("period_doubling"))
     )
     joined: list[tuple[float, float]] = []
     for low, high in extents:
@@ -358,7 +374,7 @@ def _smallest_displacement(cases: Sequence[PaperCase]) -> list[Row]:
             case, why = None, "the stores have not two displacements of this stiffness"
         else:
             case, why = moving[0], ""
-        quantities: Mapping[str, Callable[[StoredPlane], Found]] = {
+        quantities: Mapping[str, Callable[[PaperPlane], Found]] = {
             f"change of the threshold by the smallest displacement, at {REFERENCE_FREQUENCY:g}": _change_low,
             "the same, largest over the excitation frequency": _change_anywhere,
         }
@@ -372,21 +388,22 @@ def _smallest_displacement(cases: Sequence[PaperCase]) -> list[Row]:
     return rows
 
 
-def _change_low(stored: StoredPlane) -> Found:
+def _change_low(stored: PaperPlane) -> Found:
     found = threshold_at(stored, REFERENCE_FREQUENCY)
-    if stored.passive is None or found.value is None:
+    passive = stored.stored.passive
+    if passive is None or found.value is None:
         return Found(None, found.remark or "the instability speed at displacement 0 is not stored")
-    return Found(found.value / stored.passive - 1.0, found.remark)
+    return Found(found.value / passive - 1.0, found.remark)
 
 
-def _change_anywhere(stored: StoredPlane) -> Found:
-    plane = threshold_plane(stored.plane)
-    if stored.passive is None or not plane.curves:
+def _change_anywhere(stored: PaperPlane) -> Found:
+    passive = stored.stored.passive
+    if passive is None or not stored.envelope:
         return Found(
             None, "the instability speed at displacement 0, or Neimark-Sacker curves, are not stored"
         )
-    boundaries = [boundary for boundary in lower_envelope(plane) if not boundary.is_open]
-    changes = [boundary.speed / stored.passive - 1.0 for boundary in boundaries]
+    boundaries = [boundary for boundary in stored.envelope if not boundary.is_open]
+    changes = [boundary.speed / passive - 1.0 for boundary in boundaries]
     if not changes:
         return Found(None, "no Neimark-Sacker point in the plane")
     worst = int(np.argmax(np.abs(changes)))
@@ -400,12 +417,12 @@ def _counted(case: PaperCase, cases: Sequence[PaperCase]) -> list[Row]:
     moving = sorted({each.displacement for each in cases if each.displacement > 0.0})
     printed = 0.0 if len(moving) > 1 and case.displacement == moving[0] else None
 
-    def covered(stored: StoredPlane) -> Found:
-        intervals = doubling_intervals(stored.plane)
+    def covered(stored: PaperPlane) -> Found:
+        intervals = doubling_intervals(stored)
         where = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in intervals)
         return Found(sum(high - low for low, high in intervals), where)
 
-    number = _from(case, lambda stored: Found(float(len(_of_kind(stored.plane, "period_doubling")))))
+    number = _from(case, lambda stored: Found(float(len(stored.of_kind("period_doubling")))))
     length = _from(case, covered)
     return [
         Row(quantity, "period doublings", case.foil_stiffness, case.displacement, printed, each.value,
