@@ -46,7 +46,7 @@ def compare_paper(
 
         cases = read_cases_of_paper([open_for_reading(existing_store(path)) for path in stores])
         if all(case.stored is None for case in cases):
-            why = cases[0].reason if cases else "they have no cases"
+            why = cases[0].reason if cases else "no case has a foil stiffness and a displacement of the rings"
             raise UsageError(
                 f"nothing to compare: {why}", "`agfb run CONFIG -o STORE` makes bifurcation sets"
             )

@@ -15,6 +15,7 @@ from pipelines.case.reading import read_cases
 from pipelines.stages import calibrate as stage
 from pipelines.stages.calibration_targets import Reached
 from tests.figures.synthetic_store import make_store
+from tests.helpers.paper import store_of, write_threshold
 from tests.helpers.tiny import CONFIG
 
 TABLE = """
@@ -99,7 +100,7 @@ def test_dry_run_says_what_and_computes_nothing(config: Path) -> None:
 
 
 def test_the_comparison_with_the_paper_says_that_the_machine_is_a_reconstruction(tmp_path: Path) -> None:
-    make_store(tmp_path / "a.zarr", 5)
+    write_threshold(store_of(tmp_path / "a.zarr", [(3.0, 0.2)]), "c0", 0.66, 1.3)
     done = agfb("compare-paper", str(tmp_path / "a.zarr"))
     assert done.exit_code == ExitCode.DONE, done.output
     assert done.stdout.splitlines()[-1].endswith("not of the authors' machine.")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import csv
 import shutil
-from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pipelines.datasets.store import Store, create_store, open_for_writing
+from pipelines.datasets.store import Store, open_for_writing
 from pipelines.stages.operating_range import REFERENCE_FREQUENCY
 from pipelines.stages.paper_comparison import (
     DISPLACEMENT,
@@ -23,37 +22,11 @@ from pipelines.stages.paper_comparison import (
     compare_paper,
     read_cases_of_paper,
 )
-from tests.helpers.curves import SCALES, curve_rows, oval, write_curve, write_set
+from tests.helpers.curves import curve_rows, oval, write_curve, write_set
+from tests.helpers.paper import BEND, store_of, threshold, write_threshold
 
 REFERENCE = Path(__file__).resolve().parents[1] / "reference" / "seed_paper_targets.csv"
 PASSIVE = 1.05  # of `write_set`
-BEND = 0.3
-
-
-def threshold(peak: float, top: float) -> Callable[[np.ndarray], np.ndarray]:
-    """A parabola of Neimark-Sacker points that reaches ``top`` at ``peak``."""
-    return lambda f: np.column_stack([f, top - BEND * (f - peak) ** 2])
-
-
-def store_of(path: Path, cases: Iterable[tuple[float, float]]) -> Store:
-    """A store of cases (foil stiffness, displacement) that hold nothing; names say nothing of them."""
-    named = {
-        f"c{number}": {
-            "name": f"c{number}",
-            "parameters": {"speed": 0.3, "excitation_frequency": 0.7, "displacement": displacement,
-                           "foil_stiffness": stiffness},
-            "scales": SCALES,
-            "reconstruction": "",
-        }
-        for number, (stiffness, displacement) in enumerate(cases)
-    }  # fmt: skip
-    return create_store(path, named, {"configuration": {}, "configuration_hash": "0"}, durable=False)
-
-
-def write_threshold(store: Store, case: str, peak: float, top: float, **searched: object) -> None:
-    write_set(store, case, **searched)
-    rows = curve_rows(threshold(peak, top), (0.2, 2.0), 24)
-    write_curve(store, f"cases/{case}/ns/c000", "neimark_sacker", rows)
 
 
 def rows_of(*stores: Store) -> list[Row]:
