@@ -10,7 +10,9 @@ from typing import Annotated
 import typer
 
 from agfb_cli.commands import (
+    calibrate,
     compare,
+    compare_paper,
     continue_cycles,
     continue_tori,
     criticals,
@@ -117,6 +119,7 @@ app.command("track-ns", help=track_curves.NEIMARK_SACKER_HELP)(track_curves.trac
 app.command("track-folds", help=track_curves.FOLD_HELP)(track_curves.track_folds)
 app.command("transient", help=transient.HELP)(transient.transient)
 app.command("run", help=run.HELP)(run.run)
+app.command("calibrate", help=calibrate.HELP)(calibrate.calibrate)
 app.command("report")(report.report)
 app.command("figures")(figures.figures)
 app.command("validate")(validate.validate)
@@ -125,5 +128,6 @@ app.command("info")(info.info)
 app.command("status")(status.status)
 app.command("export")(export.export)
 app.command("compare")(compare.compare)
+app.command("compare-paper")(compare_paper.compare_paper)
 app.command("verify")(verify.verify)
 app.command("doctor")(doctor.doctor)

@@ -27,8 +27,19 @@ FREQUENCY = ("frequency", "frequency_hz")
 SPEED = ("speed", "speed_rpm")
 SECOND_ELASTIC_CONSTANT = ("poisson_ratio", "shear_modulus")
 RATED_SPEED = ("rated_speed", "rated_speed_rpm")
-ALTERNATIVES = (FOIL_STIFFNESS, AMPLITUDE, FREQUENCY, SPEED, SECOND_ELASTIC_CONSTANT, RATED_SPEED)
-"""Groups of keys that say the same thing; exactly one of each is given."""
+WANTED_VALUE = ("value", "value_rpm")
+WEIGHT = ("weight", "uncertainty")
+ALTERNATIVES = (
+    FOIL_STIFFNESS,
+    AMPLITUDE,
+    FREQUENCY,
+    SPEED,
+    SECOND_ELASTIC_CONSTANT,
+    RATED_SPEED,
+    WANTED_VALUE,
+    WEIGHT,
+)
+"""Groups of keys that say the same thing; at most one of each is given."""
 
 Number = Annotated[float, Field(strict=True)]
 

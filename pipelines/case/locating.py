@@ -30,6 +30,14 @@ def key_lines(text: str) -> dict[Path, int]:
     return scanner.found
 
 
+def value_spans(text: str) -> dict[Path, tuple[int, int]]:
+    """Begin and end (characters from 0) of every string, number and other plain value, by its path."""
+    scanner = _Scanner(text)
+    with contextlib.suppress(_LostError, RecursionError):
+        scanner.document()
+    return scanner.spans
+
+
 class _LostError(Exception):
     """The text is not TOML at this place."""
 
@@ -41,6 +49,7 @@ class _Scanner:
         self.text = text
         self.at = 0
         self.found: dict[Path, int] = {}
+        self.spans: dict[Path, tuple[int, int]] = {}
         self._line_ends = [match.start() for match in re.finditer("\n", text)]
         self._array_tables: dict[Path, int] = {}
 
@@ -93,8 +102,12 @@ class _Scanner:
         elif self._accept("{"):
             while not self._closed("}"):
                 self._pair(path)
-        elif not self._match(_STRING) and not self._match(_BARE_VALUE):
-            raise _LostError
+        else:
+            begin = self.at
+            plain = self._match(_STRING) or self._match(_BARE_VALUE)
+            if not plain:
+                raise _LostError
+            self.spans[path] = (begin, begin + len(plain.rstrip()))
 
     def _closed(self, bracket: str) -> bool:
         """Step over blanks and commas; True once the closing bracket was passed."""

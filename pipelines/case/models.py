@@ -7,18 +7,26 @@ other; whether an equilibrium exists is the solver's business.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Self
 
-from pydantic import ValidationInfo, field_validator
+from pydantic import ValidationError, ValidationInfo, field_validator, model_validator
 
 from pipelines.case.bearings import Bearing, Bump, Excitation, Foil, Gas, Ring
+from pipelines.case.calibrate_settings import (
+    Calibrate,
+    CalibrationParameter,
+    CalibrationTarget,
+    calibration_misfits,
+)
 from pipelines.case.curve_settings import BifurcationSet, TrackCurves
 from pipelines.case.fields import InconsistentError, Misfit, Table, quantity, table
+from pipelines.case.problems import CaseError, Places, problems_of
 from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
 from pipelines.case.settings import ContinueCycles, Criticals, Linearize, Numerics, Operation
+from pipelines.case.sweeps import assign
 from pipelines.case.torus_settings import ContinueTori, tori_fit
 from pipelines.case.transient_settings import Transient, Unbalance, transient_fits, unbalance_on_shaft
 
@@ -27,6 +35,9 @@ __all__ = [
     "Bearing",
     "BifurcationSet",
     "Bump",
+    "Calibrate",
+    "CalibrationParameter",
+    "CalibrationTarget",
     "Case",
     "ContinueCycles",
     "ContinueTori",
@@ -91,6 +102,7 @@ class Case(Table):
     )
     transient: Transient = table("stage `agfb transient`", Transient())
     continue_tori: ContinueTori = table("stage `agfb continue-tori`", ContinueTori())
+    calibrate: Calibrate | None = table("stage `agfb calibrate`", None)
 
     _unbalance = field_validator("unbalance")(unbalance_on_shaft)
     _transient = field_validator("transient")(transient_fits)
@@ -145,6 +157,28 @@ class Case(Table):
             if problems:
                 raise InconsistentError(*problems)
         return stage
+
+    @model_validator(mode="after")
+    def _calibration(self) -> Self:
+        if self.calibrate is not None:
+            document = self.model_dump(mode="json", exclude={"calibrate"})
+            problems = list(calibration_misfits(self.calibrate, document, self.with_values))
+            if problems:
+                raise InconsistentError(*problems)
+        return self
+
+    def with_values(self, assignments: Mapping[str, Any]) -> Self:
+        """The case with other values at some dotted keys (as in `--set`) and without its calibration.
+
+        Raises MisplacedError for a key that leads nowhere, CaseError for a case that cannot be.
+        """
+        document = self.model_dump(mode="json", exclude={"calibrate"})
+        for key, value in assignments.items():
+            assign(document, key, value)
+        try:
+            return type(self).model_validate(document)
+        except ValidationError as error:
+            raise CaseError(problems_of(error, type(self), Places("", {}))) from None
 
 
 def misplaced_journals(rotor: Rotor, nodes: Sequence[Any]) -> list[Misfit]:

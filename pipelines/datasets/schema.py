@@ -576,6 +576,52 @@ REFINEMENT = GroupSpec(
     coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
 )
 
+CALIBRATION = GroupSpec(
+    "calibration",
+    "Machines that a calibration has computed, and how they meet the targets",
+    (
+        _real("position", "evaluation parameter", "place of each parameter within its range, from 0 to 1"),
+        _real("value", "evaluation parameter", "value of each parameter, in the unit of its keys", ""),
+        _real("reached", "evaluation target", "value of each target, in its own unit", ""),
+        _real("onset", "evaluation target", "onset speed behind the target, dimensionless"),
+        _flag(
+            "status",
+            "evaluation target",
+            "how the search for the value ended",
+            "found",
+            "censored_below",
+            "censored_above",
+            "no_equilibrium",
+            "no_cycle",
+            "branch_lost",
+            "film_limit",
+            "invalid_machine",
+        ),
+        _flag(
+            "bifurcation",
+            "evaluation target",
+            "bifurcation at the onset",
+            "fold",
+            "period_doubling",
+            "neimark_sacker",
+            "branch_point",
+            "hopf",
+        ),
+        _flag(
+            "begin",
+            "evaluation",
+            "where branches began: at the lowest speed, or below the onset of a machine nearby",
+            "lowest_speed",
+            "near_onset",
+        ),
+        _real("wanted", "target", "wanted value, in the unit of the target", ""),
+        _real("scatter", "target", "deviation that counts as one, in the unit of the target", ""),
+        _real("low", "parameter", "lowest value of each parameter", ""),
+        _real("high", "parameter", "highest value of each parameter", ""),
+    ),
+    row="evaluation",
+)
+
 TRANSIENT = GroupSpec(
     "transient",
     "A run in time: samples, and full states at checkpoints",
@@ -763,6 +809,7 @@ KINDS: Mapping[str, GroupSpec] = {
         CURVE,
         BIFURCATION_SET,
         REFINEMENT,
+        CALIBRATION,
         TRANSIENT,
         TRANSIENT_ANALYSIS,
         OPERATING_RANGE,

@@ -181,10 +181,14 @@ def _small_whirl(machine: Machine, case: Case, problem: CycleProblem, watch: Wat
     return FirstCycle(replace(carried, parameter=float(problem.parameters[problem.index])))
 
 
-def first_hopf(machine: Machine, parameters: Array, low: float, high: float) -> Instability | None:
-    """The lowest speed between ``low`` and ``high`` at which the equilibrium loses stability."""
+def first_hopf(
+    machine: Machine, parameters: Array, low: float, high: float, points: int = HOPF_SCAN_POINTS
+) -> Instability | None:
+    """The lowest speed between ``low`` and ``high`` at which the equilibrium loses stability, seen from
+    ``points`` equally spaced speeds.
+    """
     last_speed, last_growth, guess = np.nan, np.nan, None
-    for speed in np.linspace(low, high, HOPF_SCAN_POINTS):
+    for speed in np.linspace(low, high, points):
         point = linear_point(machine, at_speed(parameters, float(speed)), 4, guess)
         if isinstance(point, Equilibrium):
             last_growth = np.nan

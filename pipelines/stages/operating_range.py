@@ -166,8 +166,29 @@ def _stretch(part: Sequence[tuple[Boundary, bool]]) -> Stretch:
     )
 
 
+@dataclass(frozen=True)
+class StoredPlane:
+    """The curves of a case over the speed and another ``parameter``, the instability speed of the machine
+    without displacement of its rings (None where not known) and what the search of the plane left open.
+    """
+
+    plane: SpeedPlane
+    parameter: str
+    passive: float | None
+    cautions: tuple[str, ...]
+
+
 def operating_range(store: Store, case: str) -> OperatingRange:
     """The operating range of a case, from its curves, its branches and its group ``bifurcation_set``.
+
+    Raises what `stored_plane` raises.
+    """
+    stored = stored_plane(store, case)
+    return range_over(stored.plane, stored.parameter, stored.passive, stored.cautions)
+
+
+def stored_plane(store: Store, case: str) -> StoredPlane:
+    """What the store has of a case over the speed.
 
     Raises NoSetError where the case has neither curves nor a set over the speed, StoreError for damaged
     groups.
@@ -189,7 +210,7 @@ def operating_range(store: Store, case: str) -> OperatingRange:
         *_samples(store, groups, parameters[1 - speed_axis]),
     )
     passive = searched.get("passive_instability_speed")
-    return range_over(plane, parameters[1 - speed_axis], passive, _set_cautions(searched))
+    return StoredPlane(plane, parameters[1 - speed_axis], passive, tuple(_set_cautions(searched)))
 
 
 def _plane(

@@ -29,6 +29,7 @@ STAGES = (
     "refine",
     "transient",
     "continue_tori",
+    "calibrate",
 )
 
 

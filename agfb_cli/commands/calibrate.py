@@ -1,0 +1,156 @@
+"""`agfb calibrate`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from agfb_cli.cases import load_cases, select_cases
+from agfb_cli.commands.stage import Outcome, Request, execute
+from agfb_cli.console import Console, table
+from agfb_cli.errors import UsageError, explained
+from agfb_cli.inputs import default_store, read_configuration
+from agfb_cli.options import (
+    AsJson,
+    Assignments,
+    CasePattern,
+    Config,
+    DryRun,
+    Force,
+    Output,
+    Quiet,
+    Scheduler,
+    Traceback,
+    Verbose,
+    Workers,
+)
+from agfb_cli.pool import choose_pool
+
+if TYPE_CHECKING:
+    from pipelines.case.reading import NamedCase
+    from pipelines.stages.calibration_report import Calibration
+
+HELP = """Fit machine parameters to measured or printed speeds.
+
+Changes the keys of calibrate.parameters within their ranges until onset speeds, critical speeds and slopes
+of the onset speed meet calibrate.targets: bounded least squares with numerical derivatives. Every machine
+that is computed is committed; an interrupted search goes on from its last one. Writes cases/CASE/calibration
+into the store and shows what was wanted and reached, the found values, how well the targets determine them,
+and the --set assignments that make the found machine. Exit code 3 when the search did not converge.
+"""
+
+Write = Annotated[
+    Path | None,
+    typer.Option(
+        "--write", metavar="FILE.toml", help="Write a copy of CONFIG with the found values, comments kept."
+    ),
+]
+
+
+def calibrate(
+    config: Config,
+    output: Output = None,
+    assignments: Assignments = None,
+    case: CasePattern = None,
+    write: Write = None,
+    dry_run: DryRun = False,
+    force: Force = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    json: AsJson = False,
+    traceback: Traceback = False,
+) -> None:
+    """The command: `HELP` is what the user reads."""
+    console = Console(quiet, verbose, json, traceback)
+    with explained(console):
+        store = output or default_store(config)
+        pool = choose_pool(workers, scheduler)
+        request = Request(config, store, tuple(assignments or ()), case, dry_run, force, pool)
+
+        def admit(named_cases: Sequence[NamedCase]) -> None:
+            refuse(named_cases, write, config)
+
+        outcome = execute(("calibrate",), request, console, admit)
+        if not dry_run:
+            conclude(outcome, request, write, console)
+        raise typer.Exit(outcome.exit_code())
+
+
+def refuse(named_cases: Sequence[NamedCase], write: Path | None, config: Path) -> None:
+    """Raise UsageError for a configuration without a calibration, or a copy that cannot be written."""
+    for named in named_cases:
+        if named.case.calibrate is None:
+            raise UsageError(
+                f"{config}: no table [calibrate]",
+                "give [[calibrate.parameters]] (keys, range) and [[calibrate.targets]] (value); "
+                "`agfb schema --md` describes them",
+            )
+    if write is not None and len(named_cases) > 1:
+        raise UsageError("--write: one case at a time", "choose it with --case")
+    if write is not None and write.exists():
+        raise UsageError(f"--write {write}: there is a file already", "name another, or remove it")
+
+
+def conclude(outcome: Outcome, request: Request, write: Path | None, console: Console) -> None:
+    """Show the calibrations, as tables or as one JSON document, and write the copy if asked for."""
+    from pipelines.datasets.store import open_for_reading
+    from pipelines.stages.calibration_report import read_calibration
+
+    chosen = select_cases(load_cases(request.config, request.assignments), request.case_pattern)
+    opened = open_for_reading(request.store)
+    read = [read_calibration(opened, named.case_id, named.case) for named in chosen]
+    found = [calibration for calibration in read if calibration is not None]
+    if write is not None and found:
+        write_copy(found[0], request, write, console)
+    if console.json:
+        cases = {each.case_id: each.as_dict() for each in found}
+        console.json_data({"store": str(request.store), "results": outcome.records(), "cases": cases})
+        return
+    for calibration in found:
+        show(calibration, console)
+
+
+def show(found: Calibration, console: Console) -> None:
+    """Targets, parameters, open directions, assignments."""
+    rows = [
+        (row.target, row.wanted, row.reached, row.difference, row.deviation,
+         row.bifurcation.replace("_", " ").replace("unset", "-"), row.remark)
+        for row in found.targets
+    ]  # fmt: skip
+    header = ("target", "wanted", "reached", "difference", "in uncertainties", "bifurcation", "")
+    console.data(f"\n{found.case_id}: {found.machines} machines")
+    console.data(table(header, rows))
+    bounds = {"": "", "lowest": "at the lowest of its range", "highest": "at the highest of its range"}
+    parameters = [
+        (", ".join(row.keys), row.before, row.after, row.uncertainty, row.sensitivity, bounds[row.bound])
+        for row in found.parameters
+    ]
+    console.data("")
+    console.data(table(("parameter", "before", "after", "uncertainty", "sensitivity", ""), parameters))
+    for direction in found.undetermined:
+        parts = ", ".join(f"{key} {part:+.2f}" for key, part in direction.items())
+        console.data(f"not determined by the targets, in parts of the ranges: {parts}")
+    console.data("")
+    for key, value in found.values.items():
+        console.data(f"--set {key}={value!r}")
+
+
+def write_copy(found: Calibration, request: Request, path: Path, console: Console) -> None:
+    """Write the configuration with the found values; raises UsageError where a key is not in its text."""
+    from pipelines.case.rewriting import NotWrittenError, with_values
+
+    try:
+        text = with_values(read_configuration(request.config), found.values)
+    except NotWrittenError as error:
+        raise UsageError(
+            f"--write: {error}", "use the --set assignments that are shown without --write"
+        ) from None
+    path.write_text(text, encoding="utf-8")
+    if request.assignments:
+        console.message(f"{path}: without the --set assignments of this command")
+    console.message(f"wrote {path}")

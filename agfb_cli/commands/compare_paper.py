@@ -1,0 +1,85 @@
+"""`agfb compare-paper`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from agfb_cli.console import Console, table
+from agfb_cli.errors import UsageError, explained
+from agfb_cli.inputs import existing_store
+from agfb_cli.options import AsJson, Quiet, Traceback, Verbose
+
+if TYPE_CHECKING:
+    from pipelines.stages.paper_comparison import Row
+
+Stores = Annotated[
+    list[Path], typer.Argument(metavar="STORE...", help="Stores with the bifurcation sets of `agfb run`.")
+]
+
+
+def compare_paper(
+    stores: Stores,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    json: AsJson = False,
+    traceback: Traceback = False,
+) -> None:
+    """Put the numbers that the paper prints beside ours.
+
+    Threshold speeds, anti-resonances, gains and period doublings for foil stiffness 3, 10, 20 and 50, found
+    in the stores by the parameters of the cases; a number that no store tells says why. Nothing is computed
+    but where the curves are crossed. The machine is a reconstruction. With --verbose also where the paper
+    says so.
+    """
+    console = Console(quiet, verbose, json, traceback)
+    with explained(console):
+        from pipelines.datasets.store import open_for_reading
+        from pipelines.stages.paper_comparison import (
+            IN_THE_PAPER,
+            RECONSTRUCTION,
+            compare_paper,
+            read_cases_of_paper,
+        )
+
+        cases = read_cases_of_paper([open_for_reading(existing_store(path)) for path in stores])
+        if all(case.stored is None for case in cases):
+            why = cases[0].reason if cases else "no case has a foil stiffness and a displacement of the rings"
+            raise UsageError(
+                f"nothing to compare: {why}", "`agfb run CONFIG -o STORE` makes bifurcation sets"
+            )
+        rows = compare_paper(cases)
+        if json:
+            told = [row.as_dict() | {"in_the_paper": IN_THE_PAPER[row.source]} for row in rows]
+            console.json_data({"rows": told, "reconstruction": RECONSTRUCTION})
+            return
+        console.data(comparison_table(rows))
+        for source in dict.fromkeys(row.source for row in rows):
+            console.detail(f"{source}: {IN_THE_PAPER[source]}")
+        for case in cases:
+            name = f"k_b = {case.foil_stiffness:g}, displacement {case.displacement:g}"
+            for caution in case.stored.stored.cautions if case.stored is not None else (case.reason,):
+                console.message(f"caution: {name}: {caution}")
+        console.data(RECONSTRUCTION)
+
+
+def comparison_table(rows: list[Row]) -> str:
+    """One line for every number."""
+    header = ("quantity", "k_b", "displacement", "printed", "ours", "difference", "%", "")
+    return table(
+        header,
+        [
+            (
+                row.quantity,
+                row.foil_stiffness,
+                row.displacement,
+                row.printed,
+                *(None if value is None else f"{value:.4f}" for value in (row.ours, row.difference)),
+                None if row.relative is None else f"{row.relative:+.1%}",
+                row.remark,
+            )
+            for row in rows
+        ],
+    )

@@ -1,0 +1,258 @@
+"""The table of the calibration: which keys may change, and which values the machine must then meet."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Literal
+
+from pydantic import ValidationInfo, field_validator
+
+from pipelines.case.fields import (
+    WANTED_VALUE,
+    InconsistentError,
+    Misfit,
+    Number,
+    Path,
+    Table,
+    choice,
+    given,
+    positive_range,
+    require_one,
+    rising,
+    table,
+)
+from pipelines.case.fields import quantity as scalar  # a target has a key `quantity`
+from pipelines.case.problems import CaseError
+from pipelines.case.sweeps import Document, MisplacedError, assign
+
+Interval = tuple[Number, Number]
+Rebuild = Callable[[Mapping[str, Any]], object]
+"""Validates a case with other values at some dotted keys; raises CaseError or MisplacedError."""
+
+
+class CalibrationParameter(Table):
+    """One unknown of the calibration: a value that one or more keys take."""
+
+    keys: tuple[str, ...] = table(
+        "configuration keys that take the same value, as in --set; without an index all tables of an array",
+        min_length=1,
+        max_length=50,
+        because="a parameter is the value of at least one key",
+    )
+    range: Interval = table("lowest and highest value, in the unit of the keys", unit="of the keys")
+    scale: Literal["linear", "log"] = choice("`log`: factors count, not differences", "linear")
+
+    @field_validator("scale")
+    @classmethod
+    def _ordered(cls, scale: str, info: ValidationInfo) -> str:
+        if "range" in info.data:
+            check = rising if scale == "linear" else _positive
+            try:
+                check(info.data["range"])
+            except InconsistentError as error:
+                raise InconsistentError(f"range {error}") from None
+        return scale
+
+
+def _positive(value: tuple[float, float]) -> tuple[float, float]:
+    return positive_range(value, 'with scale = "log"')
+
+
+class CalibrationTarget(Table):
+    """One value that the machine shall have."""
+
+    quantity: Literal["onset_speed", "critical_speed", "onset_slope"] = choice(
+        "`onset_speed`: lowest speed at which the cycle (at displacement 0 the equilibrium) loses stability; "
+        "`critical_speed`: the one of `number`; `onset_slope`: d(onset speed)/d(excitation frequency), 0 at "
+        "the frequency of the highest onset speed",
+        "onset_speed",
+    )
+    value: float | None = scalar("the wanted value, dimensionless", "1", None)
+    value_rpm: float | None = scalar(
+        "the same as a rotating speed", "rpm", None, above=0, because="a speed is positive"
+    )
+    weight: float | None = scalar(
+        "by which the deviation is multiplied; 1 without uncertainty", "1", None, above=0,
+        because="a target without weight is none",
+    )  # fmt: skip
+    uncertainty: float | None = scalar(
+        "of the value, in its unit: deviations count in units of it", "of the value", None, above=0,
+        because="deviations are divided by it",
+    )  # fmt: skip
+    bifurcation: Literal["any", "neimark_sacker", "period_doubling"] = choice(
+        "which loss of stability an onset is; at displacement 0 it is the Hopf point", "any"
+    )
+    number: int = scalar(
+        "which critical speed, counted from 1 by rising speed", "", 1, at_least=1, at_most=100,
+        because="they are counted from 1",
+    )  # fmt: skip
+    whirl: Literal["any", "forward", "backward"] = choice("which critical speeds are counted", "any")
+    difference: float = scalar(
+        "half the distance of the two excitation frequencies of an `onset_slope`", "1", 0.02, above=0,
+        at_most=1, because="the slope is their central difference",
+    )  # fmt: skip
+    speed_range: Interval | None = table(
+        "speeds between which the onset is sought; calibrate.speed_range if not given", None, unit="1"
+    )
+    set: dict[str, Any] = table(
+        'configuration keys of this target alone, such as { "excitation.frequency" = 0.2 }', {}
+    )
+
+    @field_validator("uncertainty")
+    @classmethod
+    def _one_weight(cls, value: float | None, info: ValidationInfo) -> float | None:
+        if value is not None and given(info, ("weight",)):
+            raise InconsistentError("give weight or uncertainty, not both")
+        return value
+
+    @field_validator("value_rpm")
+    @classmethod
+    def _one_value(cls, value: float | None, info: ValidationInfo) -> float | None:
+        require_one(info, value, WANTED_VALUE, "the wanted value")
+        if value is not None and info.data.get("quantity") == "onset_slope":
+            raise InconsistentError("a slope is no speed: give value, d(speed)/d(frequency), dimensionless")
+        return value
+
+    @field_validator("speed_range")
+    @classmethod
+    def _speeds(cls, value: Interval | None) -> Interval | None:
+        return None if value is None else positive_range(value, "speeds are positive")
+
+    @field_validator("set", mode="before")
+    @classmethod
+    def _dotted(cls, value: Any) -> Any:
+        return dict(_flat(value)) if isinstance(value, dict) else value
+
+    @property
+    def wanted(self) -> float:
+        """The wanted value in its own unit."""
+        value = self.value if self.value is not None else self.value_rpm
+        assert value is not None
+        return value
+
+    @property
+    def scatter(self) -> float:
+        """The deviation that counts as one, in the unit of the value."""
+        return self.uncertainty if self.uncertainty is not None else 1.0 / (self.weight or 1.0)
+
+
+def _flat(node: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in node.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+class Calibrate(Table):
+    """Least squares of some keys to target values (`agfb calibrate`)."""
+
+    parameters: tuple[CalibrationParameter, ...] = table(
+        "the unknowns", min_length=1, max_length=50, because="something must be free"
+    )
+    targets: tuple[CalibrationTarget, ...] = table(
+        "what the machine shall meet", min_length=1, max_length=200, because="something must be wanted"
+    )
+    max_evaluations: int = scalar(
+        "most machines that are computed, those of the differences included",
+        "",
+        60,
+        at_least=2,
+        at_most=10_000,
+        because="each evaluation computes all targets",
+    )
+    tolerance: float = scalar(
+        "ends when a step changes the sum of squares, or the parameters in parts of their ranges, by less",
+        "1",
+        1e-3,
+        at_least=1e-12,
+        at_most=0.5,
+        because="it is a relative change",
+    )
+    difference_step: float = scalar(
+        "change of a parameter, in parts of its range, for the differences of the targets",
+        "1",
+        0.01,
+        at_least=1e-6,
+        at_most=0.2,
+        because="it must exceed the noise of the targets and stay local",
+    )
+    speed_range: Interval = table(
+        "dimensionless speeds between which onsets are sought", (0.3, 1.6), unit="1"
+    )
+
+    @field_validator("speed_range")
+    @classmethod
+    def _speeds(cls, value: Interval) -> Interval:
+        return positive_range(value, "speeds are positive")
+
+
+def calibration_misfits(settings: Calibrate, document: Document, rebuild: Rebuild) -> Iterator[Misfit]:
+    """What of a calibration the case, whose resolved ``document`` is given, does not bear."""
+    seen: set[str] = set()
+    for index, parameter in enumerate(settings.parameters):
+        at: Path = ("calibrate", "parameters", index)
+        for place, key in enumerate(parameter.keys):
+            if key in seen:
+                yield (*at, "keys", place), f"{key} is calibrated twice"
+            seen.add(key)
+            refused = [
+                ((*at, "keys", place) if problem.startswith("unknown") else (*at, "range"), problem)
+                for value in parameter.range
+                for problem in _refused(rebuild, {key: value})
+            ]
+            yield from dict.fromkeys(refused)
+            if not refused:
+                yield from _start_misfits(parameter, document, key, at, place)
+    for index, target in enumerate(settings.targets):
+        for key, value in target.set.items():
+            for problem in _refused(rebuild, {key: value}):
+                yield ("calibrate", "targets", index, "set", key), problem
+
+
+def _refused(rebuild: Rebuild, assignments: Mapping[str, Any]) -> list[str]:
+    """Why a case with other values is none; empty when it is one."""
+    ((key, value),) = assignments.items()
+    try:
+        rebuild(assignments)
+    except MisplacedError as error:
+        return [f"unknown key: {key} {error}"]
+    except CaseError as error:
+        told = []
+        for problem in error.problems:
+            hint = f" (did you mean {problem.suggestion}?)" if problem.suggestion else ""
+            unknown = problem.message.startswith("unknown key")
+            told.append(
+                f"unknown key {problem.key}{problem.message.removeprefix('unknown key')}{hint}"
+                if unknown
+                else f"{key} = {value}: {problem.message}"
+            )
+        return list(dict.fromkeys(told))
+    return []
+
+
+def _start_misfits(
+    parameter: CalibrationParameter, document: Document, key: str, at: Path, place: int
+) -> Iterator[Misfit]:
+    start = number_at(document, key)
+    low, high = parameter.range
+    if start is None:
+        yield (*at, "keys", place), f"{key} has no number in this configuration: the search starts from it"
+    elif place == 0 and not low <= start <= high:
+        yield (*at, "range"), f"does not contain the configuration's own {key} = {start:g}, the start"
+
+
+def number_at(document: Document, key: str) -> float | None:
+    """The number at a dotted key of a resolved configuration, the first one below an array without index.
+
+    None where there is none.  Raises MisplacedError for a key that leads nowhere.
+    """
+    path, *_ = assign(copy.deepcopy(document), key, 0.0)
+    value: Any = document
+    for part in path:
+        try:
+            value = value[part]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return value if isinstance(value, float) else None
