@@ -85,6 +85,9 @@ def unphysical(shape: CycleShape, thinnest: float) -> str | None:
     return None
 
 
+_MERGED = 0.1  # of what the halves of a doubled cycle were apart a step before
+
+
 class BranchRecorder:
     """Writes every accepted point of a branch, and stops the branch where a film is not physical any more, or
     where cycles of ``turns`` > 1 excitation periods have passed through those of half their period.
@@ -113,8 +116,10 @@ class BranchRecorder:
             self._machine, cycle.image.orbit, cycle.parameters, self._turns, snapshots=SNAPSHOTS
         )
         if self._turns > 1 and self._before is not None:
-            # beyond a period doubling the same cycles come again, shifted by half their period
-            if float(_halves_apart(self._before) @ _halves_apart(self._shape.orbit)) <= 0.0:
+            # beyond a period doubling the same cycles come again, shifted by half their period; a long step
+            # meets those of half the period instead
+            before, now = _halves_apart(self._before), _halves_apart(self._shape.orbit)
+            if float(before @ now) <= _MERGED * float(before @ before):
                 return (
                     "the branch has come back to the cycles of half its period, at their next period doubling"
                 )
