@@ -71,7 +71,7 @@ letters = $(or $(filter $@%,$(LETTERED)),$@)
 define compute
 $(BIN)/agfb $(1) configs/paper/$(number).toml -o $(PAPER)/$(number).zarr --workers $(WORKERS) \
 	--case '$(or $(CASES_$@),*)' $(OPTIONS_$(number)) $(OPTIONS) \
-	|| test $$? -eq 3 # some cases failed: the others are drawn
+	|| test $$? -eq 3
 
 endef
 define draw
@@ -80,7 +80,8 @@ $(BIN)/agfb figures $(PAPER)/$(number).zarr -o $(PAPER)/figures/$(1).png --figur
 
 endef
 
-# Every command goes on with what is there: only what is missing is computed.
+# Every command goes on with what is there: only what is missing is computed. Code 3: some cases failed; the others are
+# drawn all the same.
 $(NUMBERED) $(LETTERED): $(INSTALLED)
 	$(foreach stage,$(STAGES_$(number)),$(call compute,$(stage)))
 	$(foreach letter,$(letters),$(call draw,$(letter)))
