@@ -51,7 +51,7 @@ class Overlay:
 def draw_map_sets(overlays: Sequence[Overlay], title: str) -> Figure:
     """Curves of all cases over the same two parameters, one colour for each case (the paper's Fig. 3)."""
     first = overlays[0].view
-    figure = style.new_figure(5.9)
+    figure = style.new_figure(6.9)
     axes = figure.subplots()
     axes.grid(False)
     for name, limit in ((first.x, axes.set_xlim), (first.y, axes.set_ylim)):

@@ -92,17 +92,16 @@ def draw_envelopes(charts: Sequence[Chart], title: str) -> Figure:
     """Vertical envelopes of the first bearing, a run over the speed of each case with its cycles, below each
     other; under each the moduli of the multipliers (the paper's Fig. 4).
     """
-    figure = style.new_figure(1.4 + 3.3 * len(charts))
-    # a share of the height each: envelope, moduli, envelope, ...
-    panels = figure.subplots(2 * len(charts), 1, sharex=True, height_ratios=[1.9, 1.0] * len(charts))
-    for number, chart in enumerate(charts):
-        upper, lower = panels[2 * number : 2 * number + 2]
-        _draw_chart(upper, chart.case, chart.run, chart.cycles, 0)
-        upper.set_title(chart.label)
+    shares = [share for chart in charts for share in ((1.9, 1.0) if chart.cycles else (1.9,))]
+    figure = style.new_figure(1.4 + 1.14 * sum(shares))
+    panels = figure.subplots(len(shares), 1, sharex=True, height_ratios=shares)
+    following = iter(panels)
+    for chart in charts:
+        axes = next(following)
+        _draw_chart(axes, chart.case, chart.run, chart.cycles, 0)
+        axes.set_title(f"{chart.label}: {bearing_title(0)}")
         if chart.cycles:
-            _draw_moduli(lower, chart.cycles)
-        else:
-            lower.axis("off")
+            _draw_moduli(next(following), chart.cycles)
     runs = [chart.run for chart in charts]
     panels[0].set_xlim(*limits(np.concatenate([run.along("window") for run in runs]), 0.01))
     scales = charts[0].case.scales

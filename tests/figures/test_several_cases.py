@@ -109,20 +109,16 @@ def test_the_passive_speed_is_one_line_where_the_cases_share_it(plans, store):
     assert heights == {1.05, 1.1}
 
 
-def test_envelopes_has_two_panels_for_each_case_with_a_run(plans, store):
+def test_envelopes_has_the_runs_below_each_other_with_multipliers_below_their_cycles(plans, store):
     figure = plans["envelopes"]
     panels = figure.axes
-    assert len(panels) == 4
-    assert [panels[0].get_title(), panels[2].get_title()] == [
-        r"$\bar{\delta}$ = 0.1",
-        r"$\bar{\delta}$ = 0.2",
-    ]
     # only the last case has cycles, which are those of its run
-    assert not panels[1].axison
-    assert panels[3].get_ylabel() == r"$|\mu|$"
+    titles = [panel.get_title() for panel in panels]
+    assert titles == [r"$\bar{\delta}$ = 0.1: bearing 1", r"$\bar{\delta}$ = 0.2: bearing 1", ""]
+    assert panels[2].get_ylabel() == r"$|\mu|$"
     run = read_case(store, CASES[0], NEEDED, pytest.fail, []).runs[0]
     low = np.column_stack([run.analysis["window_speed"], run.analysis["envelope_low"][:, 0, 1]])
-    assert any(np.array_equal(line.get_xydata(), low) for line in panels[2].get_lines())
+    assert any(np.array_equal(line.get_xydata(), low) for line in panels[1].get_lines())
 
 
 def test_the_panels_keep_apart_from_heading_and_legend(plans):
