@@ -107,7 +107,7 @@ def test_every_command_of_the_readme_exists() -> None:
 
 
 def test_computing_commands_share_their_options() -> None:
-    assert len({frozenset(options_of(command) - {"--refine"}) for command in COMPUTING}) == 1
+    assert len({frozenset(options_of(command) - {"--refine", "--no-figures"}) for command in COMPUTING}) == 1
     assert options_of("transient") - options_of("linearize") == {"--yes"}
     assert options_of("linearize") <= options_of("transient")
 
