@@ -196,6 +196,8 @@ def _plans(
         *_map_plans(held),
         *_torus_plans(view, held.of_kind("tori"), branches),
     ]
+    if asked and "tree" in own and branches and not any(plan.kind == "tree" for plan in plans):
+        tell(f"{case}: tree is left out: it has no branch of doubled cycles (continue_cycles.doublings)")
     return sorted((plan for plan in plans if plan.kind in own), key=lambda plan: own.index(plan.kind))
 
 
