@@ -8,7 +8,7 @@ INSTALLED := .venv/installed
 .PHONY: help install test torture lint smoke figures bench clean
 
 help: ## show this list
-	@grep -E '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 10
+	@grep -E '^[a-z0-9]+:.*## ' Makefile | sed -E 's/^([a-z0-9]+):.*## /\1\t/' | expand -t 10
 
 install: $(INSTALLED) ## install agfb and its development tools into .venv
 
@@ -30,8 +30,64 @@ lint: $(INSTALLED) ## check style and types
 smoke: $(INSTALLED) ## run the main job on configs/smoke.toml: build/smoke.zarr and figures
 	$(BIN)/agfb run configs/smoke.toml -o build/smoke.zarr
 
-figures: $(INSTALLED) ## draw the figures of build/smoke.zarr again
-	$(BIN)/agfb figures build/smoke.zarr
+# The paper's figures. Each number has a store, made by the stages of its configuration; each letter shows some cases.
+# Coarse ones, beside: make fig3 PAPER=build/coarse OPTIONS='--set numerics.circumferential=24 --set numerics.axial=2'
+PAPER ?= build/paper
+OPTIONS ?=
+NUMBERED := fig3 fig4 fig5 fig6
+LETTERED := $(foreach figure,fig3 fig4 fig6,$(addprefix $(figure),a b c d))
+.PHONY: $(NUMBERED) $(LETTERED)
+
+STAGES_fig3 := run
+STAGES_fig4 := continue-cycles transient
+STAGES_fig5 := continue-cycles
+STAGES_fig6 := continue-cycles transient
+OPTIONS_fig3 := --no-figures
+
+KIND_fig3 := sets
+KIND_fig4 := envelopes
+KIND_fig5 := tree
+KIND_fig6 := envelope
+
+CASES_fig3a := stiffness=3_*
+CASES_fig3b := stiffness=10_*
+CASES_fig3c := stiffness=20_*
+CASES_fig3d := stiffness=50_*
+CASES_fig4a := stiffness=3_*
+CASES_fig4b := stiffness=10_*
+CASES_fig4c := stiffness=20_*
+CASES_fig4d := stiffness=50_*
+CASES_fig6a := grade=1_stiffness=3_*
+CASES_fig6b := grade=1_stiffness=50_*
+CASES_fig6c := grade=6.3_stiffness=3_*
+CASES_fig6d := grade=6.3_stiffness=50_*
+
+figures: $(NUMBERED) ## compute and draw all figures of the paper, into build/paper/figures
+fig3: ## bifurcation sets for three displacements of the rings; fig3a to fig3d: one foil
+fig4: ## response envelopes at two excitation frequencies; fig4a to fig4d: one foil
+fig5: ## bifurcation tree of period doublings
+fig6: ## the unbalanced rotor in time over balanced cycles; fig6a to fig6d: one foil and grade
+
+number = $(strip $(foreach each,$(NUMBERED),$(findstring $(each),$@)))
+letters = $(or $(filter $@%,$(LETTERED)),$@)
+
+define compute
+$(BIN)/agfb $(1) configs/paper/$(number).toml -o $(PAPER)/$(number).zarr --workers $(WORKERS) \
+	--case '$(or $(CASES_$@),*)' $(OPTIONS_$(number)) $(OPTIONS) \
+	|| test $$? -eq 3
+
+endef
+define draw
+$(BIN)/agfb figures $(PAPER)/$(number).zarr -o $(PAPER)/figures/$(1).png --figure $(KIND_$(number)) \
+	--case '$(or $(CASES_$(1)),*)'
+
+endef
+
+# Every command goes on with what is there: only what is missing is computed. Code 3: some cases failed; the others are
+# drawn all the same.
+$(NUMBERED) $(LETTERED): $(INSTALLED)
+	$(foreach stage,$(STAGES_$(number)),$(call compute,$(stage)))
+	$(foreach letter,$(letters),$(call draw,$(letter)))
 
 bench: $(INSTALLED) ## measure the ratios that the README quotes: build/bench.json
 	$(BIN)/python -m tests.benchmarks

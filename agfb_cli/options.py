@@ -66,6 +66,7 @@ Refine = Annotated[
         "--refine", help="Afterwards recompute located bifurcations on finer grids and estimate their errors."
     ),
 ]
+NoFigures = Annotated[bool, typer.Option("--no-figures", help="Compute only, and draw nothing.")]
 Workers = Annotated[
     int | None,
     typer.Option(

@@ -18,7 +18,11 @@ from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbo
 Directory = Annotated[
     Path | None,
     typer.Option(
-        "--output", "-o", metavar="DIRECTORY", help="Where to write. Default: NAME-figures beside NAME.zarr."
+        "--output",
+        "-o",
+        metavar="DIRECTORY",
+        help="Where to write; a file (.png, .svg, .pdf) takes one figure. Default: NAME-figures beside "
+        "NAME.zarr.",
     ),
 ]
 Formats = Annotated[
@@ -56,8 +60,10 @@ def figures(
 
     Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bifurcation,
     multipliers, orbits, film, tree, stability, tori, section; of runs in time: envelope, unbalance,
-    waterfall, spectrum, poincare, modal-energy. Branches of the search for bifurcations (cycles/s000, ...)
-    are drawn by none. Files are DIRECTORY/CASE/FIGURE.FORMAT; the same store always gives the same bytes.
+    waterfall, spectrum, poincare, modal-energy; of two and more cases together: sets (the bifurcation sets
+    over each other), envelopes (the envelopes below each other). Branches of the search for bifurcations
+    (cycles/s000, ...) are drawn by none. Files are DIRECTORY/CASE/FIGURE.FORMAT, without CASE for those of
+    several cases; the same store always gives the same bytes.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -86,13 +92,22 @@ def draw(
     """Draw figures and return their paths; what is left out and why goes to stderr."""
     from pipelines.datasets.reading import list_cases
     from pipelines.datasets.store import open_for_reading
-    from pipelines.figures.drawing import FIGURE_KINDS, draw_figures
+    from pipelines.figures.drawing import ALL_KINDS, draw_figures, draw_one_figure
     from pipelines.figures.style import FORMATS
 
     refuse_unknown("--format", formats, FORMATS)
-    refuse_unknown("--figure", kinds, tuple(FIGURE_KINDS))
+    refuse_unknown("--figure", kinds, ALL_KINDS)
     opened = open_for_reading(store)
     matching(list_cases(opened), case)
+    if (suffix := directory.suffix.removeprefix(".")) in FORMATS:
+        if formats and list(formats) != [suffix]:
+            raise UsageError(f"--format {', '.join(formats)}: {directory.name} says another one")
+        try:
+            return [draw_one_figure(opened, directory, case or "*", kinds, console.message)]
+        except ValueError as error:
+            raise UsageError(
+                str(error), "choose one with --figure and --case, or a directory with -o"
+            ) from None
     console.message("drawing figures")
     return draw_figures(opened, directory, formats or ("png",), case or "*", kinds, console.message)
 

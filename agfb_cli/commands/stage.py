@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +25,7 @@ from agfb_cli.options import (
     Config,
     DryRun,
     Force,
+    NoFigures,
     Output,
     Quiet,
     Refine,
@@ -34,6 +36,7 @@ from agfb_cli.options import (
 )
 from agfb_cli.pool import choose_pool
 from agfb_cli.progress import ProgressReporter
+from agfb_cli.timing import seconds_spent, where_time_went
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
@@ -64,9 +67,10 @@ class Request:
 
 @dataclass
 class Outcome:
-    """Results by stage, in the order in which they arrived."""
+    """Results by stage, in the order in which they arrived, and the seconds that passed meanwhile."""
 
     results: list[tuple[str, StageResult]] = field(default_factory=list)
+    elapsed: float = 0.0
 
     def records(self) -> list[dict[str, object]]:
         """The results as plain data."""
@@ -84,6 +88,7 @@ def stage_command(stages: Stages, afterwards: Afterwards | None = None) -> Calla
     """Make the command that runs `stages` in order on every case, then `afterwards` on their store.
 
     With `--refine`, which only commands with one of the stages `REFINABLE` have, the stage `refine` follows.
+    With `--no-figures`, which only those that draw afterwards have, they do not.
     """
 
     def command(
@@ -94,6 +99,7 @@ def stage_command(stages: Stages, afterwards: Afterwards | None = None) -> Calla
         dry_run: DryRun = False,
         force: Force = False,
         refine: Refine = False,
+        no_figures: NoFigures = False,
         workers: Workers = None,
         scheduler: Scheduler = None,
         quiet: Quiet = False,
@@ -109,17 +115,21 @@ def stage_command(stages: Stages, afterwards: Afterwards | None = None) -> Calla
             asked = stages if callable(stages) or not refine else (*stages, "refine")
             outcome = execute(asked, request, console)
             if not dry_run:
-                close(outcome, request, afterwards, console)
+                close(outcome, request, None if no_figures else afterwards, console)
             raise typer.Exit(outcome.exit_code())
 
-    refinable = not callable(stages) and REFINABLE & set(stages)
-    return command if refinable else without_option(command, "refine")
+    unused = []
+    if callable(stages) or not REFINABLE & set(stages):
+        unused.append("refine")
+    if afterwards is None:
+        unused.append("no_figures")
+    return without_options(command, unused)
 
 
-def without_option(command: Callable[..., None], name: str) -> Callable[..., None]:
-    """The command as one that does not have an option: it keeps its default."""
+def without_options(command: Callable[..., None], names: Sequence[str]) -> Callable[..., None]:
+    """The command as one that does not have some options: they keep their defaults."""
     signature = inspect.signature(command, eval_str=True)
-    kept = [parameter for parameter in signature.parameters.values() if parameter.name != name]
+    kept = [parameter for parameter in signature.parameters.values() if parameter.name not in names]
     command.__signature__ = signature.replace(parameters=kept)  # type: ignore[attr-defined]
     return command
 
@@ -202,7 +212,7 @@ def compute(
     from pipelines.stages.recording import recorded
     from pipelines.stages.scheduling import run_stages, stage_function
 
-    outcome = Outcome()
+    outcome, begin = Outcome(), time.monotonic()
     tasks = len(stages) * len(named_cases) if len(named_cases) > 1 else None
     reporter = ProgressReporter(console, tasks=tasks)
     with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
@@ -220,6 +230,7 @@ def compute(
         reporter.ended(stage, result.case_id)
         if not interruption.requested():
             announce(stage, result, console)
+    outcome.elapsed = time.monotonic() - begin
     return outcome
 
 
@@ -256,13 +267,20 @@ def announce(stage: str, result: StageResult, console: Console) -> None:
 
 
 def show_outcome(outcome: Outcome, store: Path, files: Sequence[Path], console: Console) -> None:
-    """Close a finished run: figures, the JSON document if asked for, and how many cases failed."""
+    """Close a finished run: figures, the JSON document if asked for, where the time of several cases went,
+    and how many cases failed.
+    """
     if console.json:
         figures = [str(path) for path in files]
-        console.json_data({"store": str(store), "results": outcome.records(), "figures": figures})
+        seconds = seconds_spent(outcome.results, outcome.elapsed)
+        console.json_data(
+            {"store": str(store), "results": outcome.records(), "figures": figures, "seconds": seconds}
+        )
     else:
         for path in files:
             console.data(str(path))
+    if len({result.case_id for _, result in outcome.results}) > 1:
+        console.message(where_time_went(outcome.results, outcome.elapsed))
     failed = sum(not result.ok for _, result in outcome.results)
     if failed:
         others = f"; the others are in {store}" if failed < len(outcome.results) else ""

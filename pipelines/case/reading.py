@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -24,6 +24,8 @@ from pipelines.case.sweeps import (
     inherit_bearing,
     parse_override,
     read_sweeps,
+    split_keys,
+    sweep_of,
 )
 
 __all__ = ["CaseError", "NamedCase", "Problem", "read_cases"]
@@ -60,7 +62,7 @@ def read_cases(text: str, name: str, overrides: Sequence[str] = ()) -> tuple[Nam
     `name` is the name of the file in messages; `overrides` are assignments `key=value` that replace what the
     file says (a key without index of an array of tables means every table).  Lists in [sweep] expand to one
     case per combination.  An override of a swept key replaces its list, or ends the sweep of that key if it
-    is a single value.
+    is a single value; a key that was swept together with others leaves them.
 
     Raises CaseError with all problems.
     """
@@ -77,8 +79,8 @@ def read_cases(text: str, name: str, overrides: Sequence[str] = ()) -> tuple[Nam
         named = []
     cases = [
         case
-        for case_id, values in named
-        if (case := _case(document, sweeps, case_id, values, places, problems)) is not None
+        for case_id, rows in named
+        if (case := _case(document, sweeps, case_id, rows, places, problems)) is not None
     ]
     if problems:
         raise CaseError(problems)
@@ -119,34 +121,47 @@ def _override(
     for text in overrides:
         source = f"--set {text}"
         try:
-            key, value = parse_override(text)
-            swept = [sweep for sweep in sweeps if sweep.key == key.removeprefix("sweep.")]
-            if key.startswith("sweep.") or (swept and isinstance(value, list)):
-                sweeps = _replaced(sweeps, key.removeprefix("sweep."), value)
-                places.origins[("sweep", key.removeprefix("sweep."))] = (source, None)
+            name, value = parse_override(text)
+            keys = split_keys(name.removeprefix("sweep."))
+            swept = {key for sweep in sweeps for key in sweep.keys}.intersection(keys)
+            if name.startswith("sweep.") or len(keys) > 1 or (swept and isinstance(value, list)):
+                new = _swept(keys, value)
+                places.origins[new.source] = (source, None)
+                sweeps = _replaced(sweeps, new)
                 continue
-            sweeps = [sweep for sweep in sweeps if sweep not in swept]
-            for path in assign(document, key, value):
+            sweeps = _without(sweeps, keys)
+            for path in assign(document, name, value):
                 places.origins[path] = (source, None)
         except MisplacedError as error:
             problems.append(Problem("--set", None, text, "", str(error)))
     return sweeps
 
 
-def _replaced(sweeps: list[Sweep], key: str, value: Any) -> list[Sweep]:
-    if not isinstance(value, list) or not value:
-        raise MisplacedError("a sweep must be a list with at least one value")
-    new = Sweep(key, tuple(value), ("sweep", key))
-    if any(sweep.key == key for sweep in sweeps):
-        return [new if sweep.key == key else sweep for sweep in sweeps]
-    return [*sweeps, new]
+def _swept(keys: Sequence[str], values: Any) -> Sweep:
+    """The sweep that an override asks for; raises MisplacedError."""
+    found = next(sweep_of(keys, values, ("sweep", ", ".join(keys))))
+    if isinstance(found, Sweep):
+        return found
+    raise MisplacedError(f"a sweep {found[1]}")
+
+
+def _replaced(sweeps: Sequence[Sweep], new: Sweep) -> list[Sweep]:
+    """The sweeps with a new one, in the place of the first that has one of its keys."""
+    shared = (place for place, sweep in enumerate(sweeps) if set(sweep.keys) & set(new.keys))
+    first = next(shared, len(sweeps))
+    return [*sweeps[:first], new, *_without(sweeps[first:], new.keys)]
+
+
+def _without(sweeps: Sequence[Sweep], keys: Collection[str]) -> list[Sweep]:
+    """The sweeps of the other keys."""
+    return [left for sweep in sweeps if (left := sweep.without(keys)) is not None]
 
 
 def _case(
     document: Document,
     sweeps: Sequence[Sweep],
     case_id: str,
-    values: Sequence[Any],
+    rows: Sequence[Sequence[Any]],
     places: Places,
     problems: list[Problem],
 ) -> NamedCase | None:
@@ -154,14 +169,16 @@ def _case(
     own = copy.deepcopy(document)
     own_places = replace(places, origins=dict(places.origins))
     misplaced = False
-    for sweep, value in zip(sweeps, values, strict=True):
+    for sweep, row in zip(sweeps, rows, strict=True):
         place = places.nearest(sweep.source)
-        try:
-            for path in assign(own, sweep.key, value):
-                own_places.origins[path] = place
-        except MisplacedError as error:
-            problems.append(Problem(*place, f"sweep.{sweep.key}", shown(list(sweep.values)), str(error)))
-            misplaced = True
+        for key, value in zip(sweep.keys, row, strict=True):
+            try:
+                for path in assign(own, key, value):
+                    own_places.origins[path] = place
+            except MisplacedError as error:
+                values = [each[sweep.keys.index(key)] for each in sweep.rows]
+                problems.append(Problem(*place, f"sweep.{key}", shown(values), str(error)))
+                misplaced = True
     try:
         case = Case.model_validate(own)
     except ValidationError as error:

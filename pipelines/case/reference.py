@@ -18,7 +18,8 @@ _INTRODUCTION = """\
 A case is a TOML file of the tables below, in SI units; keys of unit 1 are dimensionless. Every key can be
 set on the command line, as in `--set bearings.foil.stiffness=3` (both bearings) or
 `--set bearings.1.clearance=2e-5` (the second one). A table `[sweep]` with lists, such as
-`bearings.foil.stiffness = [3, 10]`, makes one case of every combination.
+`bearings.foil.stiffness = [3, 10]`, makes one case of every combination. Keys that vary together share a line
+of lists: `"bearings.foil.stiffness, excitation.frequency" = [[3, 0.63], [10, 0.70]]`.
 """
 
 
@@ -30,7 +31,8 @@ def json_schema() -> dict[str, Any]:
     schema["$defs"]["Bearing"]["required"] = ["node"]
     schema["properties"]["sweep"] = {
         "type": "object",
-        "description": "lists of values by dotted key; every combination is a case",
+        "description": "lists of values by dotted key, lists of lists by several keys with commas between "
+        "them; every combination is a case",
     }
     return schema
 

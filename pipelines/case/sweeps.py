@@ -7,7 +7,7 @@ import itertools
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,13 +24,28 @@ class MisplacedError(ValueError):
 
 @dataclass(frozen=True)
 class Sweep:
-    """One swept key and its values."""
+    """Keys that are swept together, most often one, and their values."""
 
-    key: str
-    """Dotted path, as in `--set`."""
-    values: tuple[Any, ...]
+    keys: tuple[str, ...]
+    """Dotted paths, as in `--set`."""
+    rows: tuple[tuple[Any, ...], ...]
+    """One value for each key, by row."""
     source: Path
     """Path of the list in the file; () for an override."""
+
+    @property
+    def name(self) -> str:
+        """As in the file: the key, or several with commas between them."""
+        return ", ".join(self.keys)
+
+    def without(self, keys: Collection[str]) -> Sweep | None:
+        """The sweep of its other keys, rows that are then equal once; None where no key is left."""
+        kept = [column for column, key in enumerate(self.keys) if key not in keys]
+        if not kept or len(kept) == len(self.keys):
+            return self if kept else None
+        rows = [tuple(row[column] for column in kept) for row in self.rows]
+        once = {_words(row): row for row in rows}
+        return Sweep(tuple(self.keys[column] for column in kept), tuple(once.values()), self.source)
 
 
 def inherit_bearing(document: Document) -> None:
@@ -128,38 +143,64 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 
 def read_sweeps(table: Any, at: Path = ("sweep",), prefix: str = "") -> Iterator[Sweep | Misfit]:
-    """The swept keys of the [sweep] table; quoted dotted keys and nested tables mean the same.
+    """The sweeps of the [sweep] table; quoted dotted keys and nested tables mean the same.
 
-    What is no list of values is yielded as its path and what is wrong with it.
+    A name of several keys with commas between them sweeps these together: its list holds lists, each with
+    one value for every key.  What is no such list is yielded as its path and what is wrong with it.
     """
     if not isinstance(table, dict):
         yield at, "must be a table of lists"
         return
     for name, value in table.items():
-        key, path = f"{prefix}{name}", (*at, name)
+        path = (*at, name)
         if isinstance(value, dict):
-            yield from read_sweeps(value, path, f"{key}.")
-        elif isinstance(value, list) and value:
-            yield Sweep(key, tuple(value), path)
+            yield from read_sweeps(value, path, f"{prefix}{name}.")
         else:
-            yield path, "must be a list with at least one value"
+            yield from sweep_of([f"{prefix}{key}" for key in split_keys(name)], value, path)
 
 
-def combinations(sweeps: Sequence[Sweep]) -> Iterator[tuple[str, tuple[Any, ...]]]:
-    """Case id and values of every combination, such as ("stiffness=3_displacement=0.2", (3, 0.2)).
+def split_keys(name: str) -> tuple[str, ...]:
+    """The keys of a name such as `bearings.foil.stiffness, excitation.frequency`."""
+    return tuple(key.strip() for key in name.split(","))
 
-    Raises MisplacedError for too many combinations, or values that give one id twice.
+
+def sweep_of(keys: Sequence[str], values: Any, source: Path) -> Iterator[Sweep | Misfit]:
+    """The sweep of the keys over a list of values, or of lists with a value for each of several keys; or the
+    paths of what is wrong, and what it is.
     """
-    count = math.prod(len(sweep.values) for sweep in sweeps)
+    if not isinstance(values, list) or not values:
+        yield source, "must be a list with at least one value"
+        return
+    if len(keys) == 1:
+        yield Sweep(tuple(keys), tuple((value,) for value in values), source)
+        return
+    wrong = [index for index, row in enumerate(values) if not isinstance(row, list) or len(row) != len(keys)]
+    for index in wrong:
+        yield (*source, index), f"must be a list of {len(keys)} values, one for each of {', '.join(keys)}"
+    if not wrong:
+        yield Sweep(tuple(keys), tuple(tuple(row) for row in values), source)
+
+
+def combinations(sweeps: Sequence[Sweep]) -> Iterator[tuple[str, tuple[tuple[Any, ...], ...]]]:
+    """Case id and a row of every sweep, such as ("stiffness=3_displacement=0.2", ((3,), (0.2,))), for all
+    combinations of rows.
+
+    Raises MisplacedError for too many combinations, a key that is swept twice, or rows that give one id
+    twice.
+    """
+    count = math.prod(len(sweep.rows) for sweep in sweeps)
     if count > MOST_CASES:
         raise MisplacedError(f"makes {count} cases; at most {MOST_CASES} are allowed")
-    names = _short_names([sweep.key for sweep in sweeps])
+    keys = [key for sweep in sweeps for key in sweep.keys]
+    if twice := next((key for key in keys if keys.count(key) > 1), None):
+        raise MisplacedError(f"has the key {twice} twice")
     for sweep in sweeps:
-        words = [_word(value) for value in sweep.values]
-        if len(set(words)) != len(words):
-            raise MisplacedError(f"lists a value of {sweep.key} twice")
-    for values in itertools.product(*(sweep.values for sweep in sweeps)):
-        yield "_".join(f"{name}={_word(value)}" for name, value in zip(names, values, strict=True)), values
+        if len({_words(row) for row in sweep.rows}) != len(sweep.rows):
+            raise MisplacedError(f"lists a value of {sweep.name} twice")
+    names = _short_names(keys)
+    for rows in itertools.product(*(sweep.rows for sweep in sweeps)):
+        words = _words(tuple(itertools.chain.from_iterable(rows)))
+        yield "_".join(f"{name}={word}" for name, word in zip(names, words, strict=True)), rows
 
 
 def _short_names(keys: Sequence[str]) -> list[str]:
@@ -173,6 +214,10 @@ def _short_names(keys: Sequence[str]) -> list[str]:
             length += 1
         names.append(re.sub(r"[^A-Za-z0-9._-]", "-", ".".join(parts[-length:])))
     return names
+
+
+def _words(row: Sequence[Any]) -> tuple[str, ...]:
+    return tuple(_word(value) for value in row)
 
 
 def _word(value: Any) -> str:

@@ -47,6 +47,15 @@ EVENT_MARKS = {
 }
 
 
+# Cycles of 1, 2, 4 and 8 excitation periods.
+TURNS_COLOURS = {1: style.BLACK, 2: style.VERMILION, 4: style.BLUE, 8: style.GREEN}
+
+
+def turns_colour(turns: int) -> str:
+    """Colour of cycles of so many excitation periods where they are drawn together."""
+    return TURNS_COLOURS.get(turns, style.GREY)
+
+
 @dataclass(frozen=True)
 class Curve:
     """A branch with its bifurcation points threaded in: parameter (n,), values (n, k), stable (n - 1,)."""

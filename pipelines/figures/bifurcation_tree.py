@@ -20,10 +20,10 @@ from pipelines.figures.bifurcation_diagram import (
     event_names,
     stability_handles,
     thread_events,
+    turns_colour,
 )
 from pipelines.figures.contents import CaseView, Table, excitation_periods
 
-COLOURS = {1: style.BLACK, 2: style.VERMILION, 4: style.BLUE, 8: style.GREEN}
 MAGNIFIED_BELOW = 0.6  # part of the parameter's range below which the doubled cycles get a panel of their own
 MARGIN = 0.12
 
@@ -137,7 +137,7 @@ def _draw_branches(axes: Axes, branches: Mapping[str, Table], curves: Mapping[st
 
 
 def _look(turns: int) -> dict[str, Any]:
-    return {"color": COLOURS.get(turns, style.GREY), "linewidth": 1.3 if turns == 1 else 1.1}
+    return {"color": turns_colour(turns), "linewidth": 1.3 if turns == 1 else 1.1}
 
 
 def _legend(branches: Mapping[str, Table]) -> list[Line2D]:

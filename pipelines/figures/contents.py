@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pipelines.figures.axes import Scales
@@ -39,12 +40,15 @@ class Table:
 
 @dataclass(frozen=True)
 class CaseView:
-    """What every figure of one case needs: its name, its note, its scales and its machine."""
+    """What every figure of one case needs: its name, its note, its scales, its machine and its own values of
+    the parameters that can be continued.
+    """
 
     name: str
     note: str
     scales: Scales
     machine: Table
+    parameters: Mapping[str, float | None] = field(default_factory=dict)
 
     @property
     def bearings(self) -> int:
@@ -56,6 +60,15 @@ class CaseView:
         masters = self.machine["master_node"]
         place = int(np.flatnonzero(masters == self.machine["bearing_node"][bearing])[0])
         return 2 * place, 2 * place + 1
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One figure still to be drawn: the stem of its file and the call that draws it."""
+
+    kind: str
+    stem: str
+    draw: Callable[[], Figure]
 
 
 def stable_points(branch: Table) -> NDArray[np.bool_]:

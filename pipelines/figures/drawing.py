@@ -7,8 +7,7 @@ found is in the stability map.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
@@ -16,28 +15,27 @@ from types import MappingProxyType
 
 from matplotlib.figure import Figure
 
-from pipelines.datasets.reading import case_attributes, list_cases, list_groups, read_group
+from pipelines.datasets.reading import list_cases
 from pipelines.datasets.store import Store, StoreError, open_for_reading
 from pipelines.figures import style
-from pipelines.figures.axes import PARAMETER_AXES, Scales
+from pipelines.figures.axes import PARAMETER_AXES
 from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram
 from pipelines.figures.bifurcation_tree import draw_bifurcation_tree
 from pipelines.figures.campbell import draw_campbell
+from pipelines.figures.case_tables import RUNS, CaseTables, Report, kind_of, read_case
 from pipelines.figures.condensation import draw_condensation
-from pipelines.figures.contents import CaseView, MissingDataError, Table, excitation_periods
+from pipelines.figures.contents import CaseView, MissingDataError, Plan, Table, excitation_periods
 from pipelines.figures.linearization import draw_linearization
 from pipelines.figures.machine_drawing import draw_machine
 from pipelines.figures.multipliers import draw_multipliers
 from pipelines.figures.orbits import draw_film, draw_orbits
 from pipelines.figures.response_envelope import draw_envelope, draw_unbalance
 from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_spectrum, draw_waterfall
-from pipelines.figures.runs import RUN_ARRAYS, RunView
-from pipelines.figures.stability_map import PlaneView, draw_stability_map, same_plane
+from pipelines.figures.runs import RunView
+from pipelines.figures.several_cases import JOINT_KINDS, joint_plans
+from pipelines.figures.stability_map import PlaneView, draw_stability_map, map_stem, same_plane
 from pipelines.figures.tori import draw_section, draw_tori, is_unbalanced
 
-Report = Callable[[str], None]
-
-RUNS = "transient_analysis"
 # Figure: kind of the group it is drawn from.
 FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
     {
@@ -71,16 +69,7 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
         **dict.fromkeys(("unbalance", "waterfall", "spectrum", "poincare", "modal-energy"), ("transient",)),
     }
 )
-CURVE_CONTAINERS = ("pd", "ns", "folds")
-
-
-@dataclass(frozen=True)
-class Plan:
-    """One figure still to be drawn: the stem of its file and the call that draws it."""
-
-    kind: str
-    stem: str
-    draw: Callable[[], Figure]
+ALL_KINDS = (*FIGURE_KINDS, *JOINT_KINDS)
 
 
 def draw_figures(
@@ -91,9 +80,10 @@ def draw_figures(
     kinds: Collection[str] | None = None,
     report: Report | None = None,
 ) -> list[Path]:
-    """Draw the figures of a store and give the files written, ``<output_folder>/<case>/<figure>.<format>``.
+    """Draw the figures of a store and give the files written, ``<output_folder>/<case>/<figure>.<format>``;
+    those of several cases together are ``<output_folder>/<figure>.<format>``.
 
-    ``cases`` is a glob over case ids; ``kinds`` chooses among ``FIGURE_KINDS`` (all when None). A figure
+    ``cases`` is a glob over case ids; ``kinds`` chooses among ``ALL_KINDS`` (all when None). A figure
     whose data are not in the store is left out, and ``report`` is told why if it was chosen: once for each
     kind of group that is missing. One whose branch has no point yet says so in the picture. The store may
     still be written meanwhile. A damaged group is left out too, and raised when everything else is drawn.
@@ -102,29 +92,47 @@ def draw_figures(
     that cannot be read, OSError where the files cannot be written.
     """
     _refuse_unknown("format", formats, style.FORMATS)
-    _refuse_unknown("figure", kinds or (), tuple(FIGURE_KINDS))
-    opened = store if isinstance(store, Store) else open_for_reading(store)
-    known = list_cases(opened)
-    chosen = [case for case in known if fnmatchcase(case, cases)]
-    if not chosen:
-        raise ValueError(f"no case matches {cases!r}; the store holds {', '.join(known) or 'no case'}")
     tell = report if report is not None else _say_nothing
     written: list[Path] = []
     damaged: list[StoreError] = []
-    for case in chosen:
-        # what a store lacks is told only to those who asked for it
-        for plan in _plans(opened, case, kinds or tuple(FIGURE_KINDS), tell, damaged, asked=bool(kinds)):
-            try:
-                figure = plan.draw()
-            except MissingDataError as missing:
-                tell(f"{case}: {plan.stem} is left out: {missing}")
-                continue
-            for suffix in formats:
-                path = Path(output_folder) / case / f"{plan.stem}.{suffix}"
-                written.append(style.save_figure(figure, path))
+    for stem, plan in _planned(store, cases, kinds, tell, damaged):
+        try:
+            figure = plan.draw()
+        except MissingDataError as missing:
+            tell(f"{stem} is left out: {missing}")
+            continue
+        written += [style.save_figure(figure, Path(output_folder) / f"{stem}.{suffix}") for suffix in formats]
     if damaged:
         raise damaged[0]
     return written
+
+
+def draw_one_figure(
+    store: Store | Path | str,
+    path: Path,
+    cases: str = "*",
+    kinds: Collection[str] | None = None,
+    report: Report | None = None,
+) -> Path:
+    """Draw the only figure that the cases and kinds leave into a file, whose suffix is the format.
+
+    Raises ValueError where they leave none or several; else as `draw_figures`.
+    """
+    damaged: list[StoreError] = []
+    plans = list(_planned(store, cases, kinds, report if report is not None else _say_nothing, damaged))
+    if damaged:
+        raise damaged[0]
+    if len(plans) != 1:
+        names = ", ".join(str(stem) for stem, _ in plans[:10])
+        found = (
+            f"{len(plans)} figures ({names}{', ...' if len(plans) > 10 else ''})" if plans else "no figure"
+        )
+        raise ValueError(f"{path.name} can hold one figure, but the chosen cases and kinds make {found}")
+    ((stem, plan),) = plans
+    try:
+        return style.save_figure(plan.draw(), path)
+    except MissingDataError as missing:
+        raise ValueError(f"{stem} cannot be drawn: {missing}") from missing
 
 
 def _say_nothing(message: str) -> None:
@@ -136,45 +144,61 @@ def _refuse_unknown(what: str, given: Collection[str], allowed: Sequence[str]) -
         raise ValueError(f"unknown {what} {', '.join(unknown)}; allowed are {', '.join(allowed)}")
 
 
+def _planned(
+    store: Store | Path | str,
+    cases: str,
+    kinds: Collection[str] | None,
+    tell: Report,
+    damaged: list[StoreError],
+) -> Iterator[tuple[Path, Plan]]:
+    """Every figure with the stem of its file below the folder: case by case, then those of several cases."""
+    _refuse_unknown("figure", kinds or (), ALL_KINDS)
+    opened = store if isinstance(store, Store) else open_for_reading(store)
+    known = list_cases(opened)
+    chosen = [case for case in known if fnmatchcase(case, cases)]
+    if not chosen:
+        raise ValueError(f"no case matches {cases!r}; the store holds {', '.join(known) or 'no case'}")
+    # what a store lacks is told only to those who asked for it
+    asked, kinds = bool(kinds), kinds or ALL_KINDS
+    for case in chosen:
+        for plan in _plans(opened, case, kinds, tell, damaged, asked=asked):
+            yield Path(case) / plan.stem, plan
+    joint = [kind for kind in kinds if kind in JOINT_KINDS]
+    if joint and (asked or len(chosen) > 1):
+        needed = {group for kind in joint for group in JOINT_KINDS[kind]}
+        # a group that cannot be read was told with the figures of its case, if there are any
+        read = [read_case(opened, case, needed, tell if asked else _say_nothing, damaged) for case in chosen]
+        found = [case for case in read if case is not None]
+        for plan in joint_plans(found, joint, tell if asked else _say_nothing):
+            yield Path(plan.stem), plan
+
+
 def _plans(
     store: Store, case: str, kinds: Collection[str], tell: Report, damaged: list[StoreError], *, asked: bool
 ) -> list[Plan]:
     """The figures of a case, in the order of ``FIGURE_KINDS``; tells which groups are not there, if ``asked``
     for, and collects the errors of those that cannot be read.
     """
-    try:
-        groups = list_groups(store, case)
-        view = _case_view(store, case, groups)
-    except StoreError as error:
-        tell(f"{case} is left out: {error.message}")
-        damaged.append(error)
+    own = [kind for kind in FIGURE_KINDS if kind in kinds]
+    needed = {FIGURE_KINDS[kind] for kind in own}.union(*(BESIDE.get(kind, ()) for kind in own))
+    held = read_case(store, case, needed, tell, damaged) if own else None
+    if held is None:
         return []
-    needed = {FIGURE_KINDS[kind] for kind in kinds}.union(*(BESIDE.get(kind, ()) for kind in kinds))
-    wanted = [name for name in groups if _kind(name) in needed and not _is_search_line(name)]
-    tables = {}
-    for name in wanted:
-        try:
-            tables[name] = _table(store, name)
-        except StoreError as error:
-            tell(f"{name} is left out: {error.message}")
-            damaged.append(error)
     if asked:
-        _tell_missing(case, kinds, {_kind(name) for name in wanted}, tell)
-    plans = [plan for name, table in tables.items() for plan in _single_plans(view, _kind(name), table)]
-    branches = {name.rsplit("/", 1)[1]: table for name, table in tables.items() if _kind(name) == "cycles"}
-    refinement = tables.get(f"cases/{case}/refinement")
+        _tell_missing(case, own, {kind_of(name) for name in held.tables}, tell)
+    view, branches = held.view, held.of_kind("cycles")
+    plans = [plan for kind, table in held.single.items() for plan in _single_plans(view, kind, table)]
     plans += [
-        *_bifurcation_plans(view, branches, refinement),
+        *_bifurcation_plans(view, branches, held.single.get("refinement")),
         *_branch_plans(view, branches),
         *_tree_plans(view, branches),
+        *_run_plans(view, held.runs, list(branches.values())),
+        *_map_plans(held),
+        *_torus_plans(view, held.of_kind("tori"), branches),
     ]
-    plans += _run_plans(view, _run_views(tables), list(branches.values()))
-    curves = {name.split("/", 2)[2]: table for name, table in tables.items() if _kind(name) == "curve"}
-    plans += _map_plans(view, curves, {_kind(name): table for name, table in tables.items()})
-    tori = {name.rsplit("/", 1)[1]: table for name, table in tables.items() if _kind(name) == "tori"}
-    plans += _torus_plans(view, tori, branches)
-    order = list(FIGURE_KINDS)
-    return sorted((plan for plan in plans if plan.kind in kinds), key=lambda plan: order.index(plan.kind))
+    if asked and "tree" in own and branches and not any(plan.kind == "tree" for plan in plans):
+        tell(f"{case}: tree is left out: it has no branch of doubled cycles (continue_cycles.doublings)")
+    return sorted((plan for plan in plans if plan.kind in own), key=lambda plan: own.index(plan.kind))
 
 
 def _tell_missing(case: str, kinds: Collection[str], held: Collection[str], tell: Report) -> None:
@@ -186,43 +210,6 @@ def _tell_missing(case: str, kinds: Collection[str], held: Collection[str], tell
     for group, figures in missing.items():
         left = f"{', '.join(figures)} {'are' if len(figures) > 1 else 'is'} left out"
         tell(f"{case}: {left}: the store has no group {group!r} for this case")
-
-
-def _kind(group: str) -> str:
-    """Kind of a group from its path: cases/kb10/cycles/b000 holds cycles, cases/kb10/ns/c000 a curve."""
-    container = group.split("/")[2]
-    return "curve" if container in CURVE_CONTAINERS else container
-
-
-def _is_search_line(group: str) -> bool:
-    """Whether a group is one of the branches that searched the plane."""
-    return _kind(group) == "cycles" and group.rsplit("/", 1)[1].startswith("s")
-
-
-def _table(store: Store, name: str) -> Table:
-    group = read_group(store, name, RUN_ARRAYS if _kind(name) == "transient" else None)
-    return Table(group.labelled(), group.attributes)
-
-
-def _case_view(store: Store, case: str, groups: Collection[str]) -> CaseView:
-    attributes = case_attributes(store, case)
-    machine = f"cases/{case}/machine"
-    return CaseView(
-        name=str(attributes.get("name") or case),
-        note=str(attributes.get("reconstruction") or ""),
-        scales=_scales(attributes["scales"]),
-        machine=_table(store, machine) if machine in groups else Table({}),
-    )
-
-
-def _scales(stored: Mapping[str, float]) -> Scales:
-    """Scales of the axes from those of the case, which are in SI units."""
-    return Scales(
-        rpm=stored["speed_rpm_per_unit"],
-        hertz=stored["hertz_per_unit"],
-        micrometres=1e6 * stored["displacement"],
-        stiffness=1e-9 * stored["pressure"] / stored["displacement"],
-    )
 
 
 def _single_plans(view: CaseView, kind: str, table: Table) -> list[Plan]:
@@ -297,29 +284,16 @@ def _torus_plans(view: CaseView, tori: Mapping[str, Table], cycles: Mapping[str,
     return plans
 
 
-def _map_plans(view: CaseView, curves: Mapping[str, Table], others: Mapping[str, Table]) -> list[Plan]:
+def _map_plans(case: CaseTables) -> list[Plan]:
     """A map for every pair of parameters over which there are curves."""
     plans = []
-    for plane in sorted({same_plane(curve) for curve in curves.values()}, key=sorted):
-        inside = {name: curve for name, curve in curves.items() if same_plane(curve) == plane}
-        content = PlaneView.of(inside, others)
-        default = (content.x, content.y) == ("excitation_frequency", "speed")
-        stem = "stability-map" if default else f"stability-map-{content.x}-{content.y}"
+    for plane in sorted({same_plane(curve) for curve in case.curves.values()}, key=sorted):
+        inside = {name: curve for name, curve in case.curves.items() if same_plane(curve) == plane}
+        content = PlaneView.of(inside, case.single)
         started = any(len(curve["speed"]) for curve in inside.values())
-        draw = partial(draw_stability_map, view, content) if started else _nothing_yet(view)
-        plans.append(Plan("stability", stem, draw))
+        draw = partial(draw_stability_map, case.view, content) if started else _nothing_yet(case.view)
+        plans.append(Plan("stability", map_stem("stability-map", content.x, content.y), draw))
     return plans
-
-
-def _run_views(tables: Mapping[str, Table]) -> list[RunView]:
-    """The runs in time that have ended, with their analysis."""
-    ended = {name: table for name, table in tables.items() if _kind(name) == RUNS}
-    samples = {name: name.replace(f"/{RUNS}/", "/transient/") for name in ended}
-    return [
-        RunView(name.rsplit("/", 1)[1], table, tables[samples[name]])
-        for name, table in ended.items()
-        if samples[name] in tables
-    ]
 
 
 def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table]) -> list[Plan]:

@@ -1,8 +1,11 @@
-"""Envelopes of runs in time: over the branch of stored cycles, and of several unbalances together."""
+"""Envelopes of runs in time: over the branches of stored cycles, of several cases below each other, and of
+several unbalances together.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,6 +25,7 @@ from pipelines.figures.bifurcation_diagram import (
     event_names,
     stability_handles,
     thread_events,
+    turns_colour,
 )
 from pipelines.figures.contents import CaseView, MissingDataError, Table, excitation_periods
 from pipelines.figures.runs import AXIS_LABELS, RunView, bearing_title, clearances, label_along
@@ -32,7 +36,9 @@ SAME_PARAMETER = 1e-9
 
 
 def comparable(run: RunView, branches: Sequence[Table]) -> list[Table]:
-    """Branches along the speed whose other parameters are those of the run while its rings move."""
+    """Branches along the speed, of doubled cycles too, whose other parameters are those of the run while its
+    rings move.
+    """
     _, frequency, displacement, stiffness = run.run.attributes["parameters"]
     own = {"excitation_frequency": frequency, "displacement": displacement, "foil_stiffness": stiffness}
     moves = run.excitation_frequency is not None
@@ -42,12 +48,21 @@ def comparable(run: RunView, branches: Sequence[Table]) -> list[Table]:
         branch
         for branch in branches
         if branch.attributes.get("parameter") == "speed"
-        and excitation_periods(branch) == 1
         and len(branch["speed"])
         and all(
             np.allclose(branch[name], value, rtol=SAME_PARAMETER, atol=0.0) for name, value in own.items()
         )
     ]
+
+
+@dataclass(frozen=True)
+class Chart:
+    """One of several envelopes below each other: what the case differs in, its run and its cycles."""
+
+    label: str
+    case: CaseView
+    run: RunView
+    cycles: Sequence[Table]
 
 
 @style.in_style
@@ -60,19 +75,49 @@ def draw_envelope(case: CaseView, run: RunView, branches: Sequence[Table]) -> Fi
     figure = style.new_figure(1.3 + 2.1 * rows)
     panels = np.atleast_1d(figure.subplots(rows, 1, sharex=True))
     for bearing in range(case.bearings):
-        axes = panels[bearing]
-        values = [*_draw_run(axes, run, bearing, style.SKY, 0.55)]
-        values += [value for branch in cycles for value in _draw_cycles(axes, case, branch, bearing)]
-        axes.set_ylim(*limits(np.concatenate(values), 0.08))
-        axes.set(ylabel=AXIS_LABELS[VERTICAL], title=bearing_title(bearing))
-        add_right(axes, float(clearances(case)[bearing]), "vertical [µm]")
+        _draw_chart(panels[bearing], case, run, cycles, bearing)
+        panels[bearing].set_title(bearing_title(bearing))
     if cycles:
         _draw_moduli(panels[-1], cycles)
+        panels[-1].set_title(f"{LEADING} largest Floquet multipliers of the cycles")
     panels[0].set_xlim(*limits(run.along("window"), 0.01))
     label_along(panels[0], run.over_speed, case.scales, bottom=False)
     label_along(panels[-1], run.over_speed, case.scales, top=False)
-    style.legend_below(figure, _legend(cycles), 4)
+    style.legend_below(figure, _legend([run], cycles), 4)
     return style.finish(figure, f"{case.name}: envelope of {run.title}", case.note)
+
+
+@style.in_style
+def draw_envelopes(charts: Sequence[Chart], title: str) -> Figure:
+    """Vertical envelopes of the first bearing, a run over the speed of each case with its cycles, below each
+    other; under each the moduli of the multipliers (the paper's Fig. 4).
+    """
+    shares = [share for chart in charts for share in ((1.9, 1.0) if chart.cycles else (1.9,))]
+    figure = style.new_figure(1.4 + 1.14 * sum(shares))
+    panels = figure.subplots(len(shares), 1, sharex=True, height_ratios=shares)
+    following = iter(panels)
+    for chart in charts:
+        axes = next(following)
+        _draw_chart(axes, chart.case, chart.run, chart.cycles, 0)
+        axes.set_title(f"{chart.label}: {bearing_title(0)}")
+        if chart.cycles:
+            _draw_moduli(next(following), chart.cycles)
+    runs = [chart.run for chart in charts]
+    panels[0].set_xlim(*limits(np.concatenate([run.along("window") for run in runs]), 0.01))
+    scales = charts[0].case.scales
+    label_along(panels[0], True, scales, bottom=False, top=all(c.case.scales == scales for c in charts))
+    label_along(panels[-1], True, scales, top=False)
+    style.legend_below(figure, _legend(runs, [branch for chart in charts for branch in chart.cycles]), 4)
+    return style.finish(figure, title, charts[0].case.note)
+
+
+def _draw_chart(axes: Axes, case: CaseView, run: RunView, cycles: Sequence[Table], bearing: int) -> None:
+    """The envelope of a run in one bearing over those of the cycles."""
+    values = [*_draw_run(axes, run, bearing, style.SKY, 0.55)]
+    values += [value for branch in cycles for value in _draw_cycles(axes, case, branch, bearing)]
+    axes.set_ylim(*limits(np.concatenate(values), 0.08))
+    axes.set_ylabel(AXIS_LABELS[VERTICAL])
+    add_right(axes, float(clearances(case)[bearing]), "vertical [µm]")
 
 
 def _draw_run(
@@ -92,17 +137,18 @@ def _draw_cycles(axes: Axes, case: CaseView, branch: Table, bearing: int) -> lis
     """Envelope of the cycles in clearances of the bearing, dashed where they are unstable."""
     ratio = clearances(case)[bearing] / clearances(case)[0]
     curve = thread_events(branch, "speed", envelope(VERTICAL)(case, branch, bearing) / ratio)
-    draw_threaded(axes, curve, branch, {"color": style.BLACK})
+    draw_threaded(axes, curve, branch, {"color": turns_colour(excitation_periods(branch))})
     return list(curve.values.T)
 
 
 def _draw_moduli(axes: Axes, branches: Sequence[Table]) -> None:
-    """Moduli of the leading multipliers of the cycles."""
+    """Moduli of the leading multipliers of the cycles, each over its own period."""
     highest = 1.0
     for branch in branches:
         moduli = -np.sort(-np.abs(branch["multipliers"]), axis=1)[:, :LEADING]  # NaN stays last
         highest = max(highest, float(np.nanmax(moduli)))
-        axes.plot(branch["speed"], moduli, color=style.BLACK, marker="o", markersize=2.2, linewidth=0.8)
+        colour = turns_colour(excitation_periods(branch))
+        axes.plot(branch["speed"], moduli, color=colour, marker="o", markersize=2.2, linewidth=0.8)
         for kind, look, speed in zip(
             event_names(branch), event_looks(branch), branch.optional("event_speed"), strict=True
         ):
@@ -111,14 +157,20 @@ def _draw_moduli(axes: Axes, branches: Sequence[Table]) -> None:
     axes.axhline(1.0, color="#333333", linewidth=0.9)
     lowest = min(float(np.nanmin(np.nanmax(np.abs(branch["multipliers"]), axis=1))) for branch in branches)
     axes.set_ylim(max(0.0, lowest - 0.25), highest + 0.04)
-    axes.set(ylabel=r"$|\mu|$", title=f"{LEADING} largest Floquet multipliers of the cycles")
+    axes.set_ylabel(r"$|\mu|$")
 
 
-def _legend(cycles: Sequence[Table]) -> list[Patch | Line2D]:
-    handles: list[Patch | Line2D] = [Patch(color=style.SKY, alpha=0.55, label="time integration")]
+def _legend(runs: Sequence[RunView], cycles: Sequence[Table]) -> list[Patch | Line2D]:
+    unbalances = {run.unbalance for run in runs}
+    label = f"time integration, {unbalances.pop()}" if len(unbalances) == 1 else "time integration"
+    handles: list[Patch | Line2D] = [Patch(color=style.SKY, alpha=0.55, label=label)]
     if not cycles:
         return handles
     handles += stability_handles("cycles, stable", "cycles, unstable", style.BLACK)
+    handles += [
+        Line2D([], [], color=turns_colour(turns), label=rf"cycles of ${turns}\,T_{{ex}}$")
+        for turns in sorted({excitation_periods(branch) for branch in cycles} - {1})
+    ]
     return [*handles, *event_handles({kind for branch in cycles for kind in event_names(branch)})]
 
 

@@ -86,6 +86,11 @@ def same_plane(table: Table) -> frozenset[str]:
     return frozenset(str(name) for name in table.attributes["parameters"])
 
 
+def map_stem(figure: str, x: str, y: str) -> str:
+    """Stem of the file of a map; the usual plane is not named."""
+    return figure if (x, y) == ("excitation_frequency", "speed") else f"{figure}-{x}-{y}"
+
+
 @style.in_style
 def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False) -> Figure:
     """Curves of bifurcations solid where supercritical, dashed where subcritical, dotted where not known.
@@ -102,7 +107,7 @@ def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False
     if scan_lines:
         _draw_scan_lines(axes, view)
     top = _draw_resonances(axes, view, handles)
-    _add_second_axes(axes, top, view, case)
+    add_second_axes(axes, top, view, case)
     style.legend_below(figure, handles, 4)
     style.finish(figure, f"{case.name}: bifurcation set{_constants(view)}{_progress(view)}", case.note)
     labels = [Label(_special_name(kind), x, y) for kind, x, y, _ in special_points(view)]
@@ -113,7 +118,7 @@ def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False
 def _drawn_points(view: PlaneView) -> NDArray[np.float64]:
     """Samples (n, 2) of all lines that labels keep away from."""
     found = [points for curve in view.curves for _, points in parts_of(curve, view)]
-    if (passive := _passive_speed(view)) is not None:
+    if (passive := passive_speed(view)) is not None:
         along = np.linspace(*view.ranges[view.x], 400)
         found.append(np.column_stack([along, np.full_like(along, passive)]))
     return np.concatenate(found) if found else np.zeros((0, 2))
@@ -177,7 +182,7 @@ def _draw_stable_range(axes: Axes, view: PlaneView) -> list[Patch]:
     return [Patch(facecolor=style.PALE_SKY, edgecolor="#B9D3E6", linewidth=0.6, label="free of bifurcations")]
 
 
-def _passive_speed(view: PlaneView) -> float | None:
+def passive_speed(view: PlaneView) -> float | None:
     """The instability speed of the machine with undeformed rings; None where not known or not on an axis."""
     table = view.others.get("bifurcation_set")
     value = None if table is None else table.attributes.get("passive_instability_speed")
@@ -185,7 +190,7 @@ def _passive_speed(view: PlaneView) -> float | None:
 
 
 def _draw_passive(axes: Axes, view: PlaneView) -> list[Line2D]:
-    value = _passive_speed(view)
+    value = passive_speed(view)
     if value is None:
         return []
     line = axes.axhline(value, color=INK, linewidth=0.9, linestyle=(0, (7, 2, 1.2, 2)), zorder=1.5)
@@ -219,21 +224,26 @@ def _draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     return handles
 
 
+def loose_ends(view: PlaneView) -> list[tuple[str, float, float]]:
+    """Kind of bifurcation and place where a curve goes on but was not followed."""
+    complete = {curve.name for curve in view.curves if curve.is_complete}
+    return [
+        (str(table.attributes["bifurcation"]), float(table[view.x][-1]), float(table[view.y][-1]))
+        for name, table in view.tables.items()
+        if name not in complete and len(table[view.x])
+    ]
+
+
 def _draw_loose_ends(axes: Axes, view: PlaneView) -> list[Line2D]:
     """Open markers where a curve goes on but was not followed."""
     look: dict[str, Any] = {
         "marker": "s", "markersize": 4.5, "markerfacecolor": "white", "linestyle": "none", "zorder": 4
     }  # fmt: skip
-    complete = {curve.name for curve in view.curves if curve.is_complete}
-    drawn = False
-    for name, table in view.tables.items():
-        if name in complete or not len(table[view.x]):
-            continue
-        colour = KINDS[str(table.attributes["bifurcation"])][1]
-        axes.plot(table[view.x][-1], table[view.y][-1], markeredgecolor=colour, markeredgewidth=1.1, **look)
-        drawn = True
+    ends = loose_ends(view)
+    for kind, x, y in ends:
+        axes.plot(x, y, markeredgecolor=KINDS[kind][1], markeredgewidth=1.1, **look)
     handle = Line2D([], [], markeredgecolor=INK, markeredgewidth=1.1, label="curve not complete", **look)
-    return [handle] if drawn else []
+    return [handle] if ends else []
 
 
 def special_points(view: PlaneView) -> list[tuple[str, float, float, bool]]:
@@ -309,7 +319,8 @@ def _draw_resonances(axes: Axes, view: PlaneView, handles: list[Any]) -> Axes:
     return axes if strip is None else strip
 
 
-def _add_second_axes(axes: Axes, top: Axes, view: PlaneView, case: CaseView) -> None:
+def add_second_axes(axes: Axes, top: Axes, view: PlaneView, case: CaseView) -> None:
+    """Dimensional twins of both parameters, that of x on the axes ``top``."""
     horizontal, vertical = PARAMETER_AXES[view.x], PARAMETER_AXES[view.y]
     add_top(top, float(getattr(case.scales, horizontal.scale)), horizontal.dimensional_label)
     add_right(axes, float(getattr(case.scales, vertical.scale)), vertical.dimensional_label)

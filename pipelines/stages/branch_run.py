@@ -118,10 +118,13 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
             failure = found
             continue
         result = run(found.start, found.direction or request.direction)
-        if result.stop is not BranchStop.START_FAILED:
+        if result.stop is BranchStop.START_FAILED:
+            failure = NoStart(f"the first cycle did not converge: {result.message}", result.stop.advice)
+        elif request.turns > 1 and result.state is None:  # another amplitude may do
+            failure = NoStart(result.message, "set another continue_cycles.amplitude")
+        else:
             _end(branch, result)
             return
-        failure = NoStart(f"the first cycle did not converge: {result.message}", result.stop.advice)
     branch.finish(NO_START, f"{failure.reason}: {failure.advice}")
 
 

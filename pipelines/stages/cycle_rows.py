@@ -85,6 +85,10 @@ def unphysical(shape: CycleShape, thinnest: float) -> str | None:
     return None
 
 
+_SAME_HALVES = 1e-6  # of the clearance: far below the amplitude at which doubled cycles are looked for
+_MERGED = 0.1  # of what the halves of a doubled cycle were apart a step before
+
+
 class BranchRecorder:
     """Writes every accepted point of a branch, and stops the branch where a film is not physical any more, or
     where cycles of ``turns`` > 1 excitation periods have passed through those of half their period.
@@ -112,13 +116,21 @@ class BranchRecorder:
         self._shape = cycle_shape(
             self._machine, cycle.image.orbit, cycle.parameters, self._turns, snapshots=SNAPSHOTS
         )
-        if self._turns > 1 and self._before is not None:
-            # beyond a period doubling the same cycles come again, shifted by half their period
-            if float(_halves_apart(self._before) @ _halves_apart(self._shape.orbit)) <= 0.0:
-                return (
-                    "the branch has come back to the cycles of half its period, at their next period doubling"
-                )
+        if self._turns > 1 and (message := self._undoubled(_halves_apart(self._shape.orbit))) is not None:
+            return message
         return unphysical(self._shape, self._thinnest)
+
+    def _undoubled(self, apart: Array) -> str | None:
+        """A sentence if cycles whose halves are so far apart are no longer, or never were, doubled ones."""
+        if self._before is None:
+            same = float(np.max(np.abs(apart))) < _SAME_HALVES
+            return "the cycle beside the period doubling has half the period" if same else None
+        # beyond a period doubling the same cycles come again, shifted by half their period; a long step meets
+        # those of half the period instead
+        before = _halves_apart(self._before)
+        if float(before @ apart) > _MERGED * float(before @ before):
+            return None
+        return "the branch has come back to the cycles of half its period, at their next period doubling"
 
     def record(self, point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
         """Commit the point ``limit`` has just passed, with the events that lead to it."""

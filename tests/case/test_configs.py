@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fnmatch
+import re
 import tomllib
 from pathlib import Path
 
@@ -11,6 +13,8 @@ from pipelines.case.reading import read_cases
 from pipelines.case.scales import Scales
 
 CONFIGS = Path(__file__).parents[2] / "configs"
+# Foil stiffness and the excitation frequency at which the paper finds its anti-resonance.
+ANTIRESONANCES = {3: 0.63, 10: 0.70, 20: 0.72, 50: 0.74}
 FILES = sorted(CONFIGS.rglob("*.toml"))
 
 
@@ -29,6 +33,50 @@ def test_it_is_valid(file):
 def test_a_paper_configuration_says_that_it_is_a_reconstruction(file):
     header = file.read_text().split("\nname =")[0]
     assert "RECONSTRUCTION, NOT THE AUTHORS' DATA" in header
+
+
+def test_the_paper_configurations_have_one_machine():
+    """Gas, rotor, bearings and the shape of the rings; foils differ in their stiffness alone."""
+    files = [tomllib.loads(file.read_text()) for file in sorted((CONFIGS / "paper").glob("*.toml"))]
+    for file in files:
+        file["bearings"][0]["foil"].pop("stiffness")
+    kb10 = next(file for file in files if file["name"] == "kb10")
+    for file in files:
+        for table in ("gas", "rotor", "bearings"):
+            assert file[table] == kb10[table], (file["name"], table)
+        assert file["excitation"]["ratio"] == kb10["excitation"]["ratio"], file["name"]
+        assert file["note"] == kb10["note"] == "a reconstruction, not the machine of the paper"
+
+
+@pytest.mark.parametrize(
+    ("name", "cases"),
+    [
+        ("fig3", {(k, d, 0.7) for k in (3, 10, 20, 50) for d in (0.05, 0.1, 0.2)}),
+        ("fig4", {(k, 0.2, f) for k, at in ANTIRESONANCES.items() for f in (0.2, at)}),
+        ("fig6", {(k, 0.2, ANTIRESONANCES[k]) for k in (3, 50)}),
+    ],
+)
+def test_the_figures_of_the_paper_have_its_cases(name, cases):
+    """Foil stiffness, displacement and excitation frequency."""
+    found = read_cases((CONFIGS / "paper" / f"{name}.toml").read_text(), f"{name}.toml")
+    excitations = [named.case.excitation for named in found]
+    stiffnesses = [named.case.bearings[1].foil.stiffness for named in found]
+    values = [(k, e.displacement, e.frequency) for k, e in zip(stiffnesses, excitations, strict=True)]
+    assert set(values) == cases
+    grades = [named.case.unbalance.grade for named in found if named.case.unbalance is not None]
+    assert grades == ([1.0, 1.0, 6.3, 6.3] if name == "fig6" else [])
+
+
+@pytest.mark.parametrize("figure", ["fig3", "fig4", "fig6"])
+def test_the_globs_of_the_makefile_choose_the_cases_of_a_chart(figure):
+    """Every case is in exactly one chart."""
+    text = (CONFIGS / "paper" / f"{figure}.toml").read_text()
+    ids = [named.case_id for named in read_cases(text, f"{figure}.toml")]
+    makefile = (CONFIGS.parent / "Makefile").read_text()
+    globs = re.findall(rf"^CASES_{figure}([a-d]) := (\S+)$", makefile, flags=re.MULTILINE)
+    assert [letter for letter, _ in globs] == ["a", "b", "c", "d"]
+    chosen = [case for _, glob in globs for case in fnmatch.filter(ids, glob)]
+    assert sorted(chosen) == sorted(ids)
 
 
 def test_kb10_is_the_reconstruction():

@@ -60,6 +60,43 @@ def test_lists_expand_to_every_combination(text, sweep):
     assert values == [(3.0, 3.0, 0.05), (3.0, 3.0, 0.2), (10.0, 10.0, 0.05), (10.0, 10.0, 0.2)]
 
 
+TOGETHER = '"bearings.foil.stiffness, excitation.frequency" = [[3, 0.63], [3, 0.2], [50, 0.74]]\n'
+
+
+def test_keys_with_commas_vary_together_beside_others(text):
+    sweep = "[sweep]\nexcitation.displacement = [0.1, 0.2]\n" + TOGETHER
+    cases = read_cases(text + sweep, "demo.toml")
+    values = [(n.case.bearings[1].foil.stiffness, n.case.excitation.frequency) for n in cases]
+    assert values == 2 * [(3.0, 0.63), (3.0, 0.2), (50.0, 0.74)]
+    assert cases[1].case_id == "displacement=0.1_stiffness=3_frequency=0.2"
+    assert len({named.case_id for named in cases}) == 6
+
+
+def test_keys_of_one_table_vary_together(text):
+    sweep = '[sweep.bearings.foil]\n"stiffness,loss_factor" = [[3, 0.1], [10, 0.4]]\n'
+    foils = [named.case.bearings[0].foil for named in read_cases(text + sweep, "demo.toml")]
+    assert [(foil.stiffness, foil.loss_factor) for foil in foils] == [(3.0, 0.1), (10.0, 0.4)]
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("excitation.frequency=0.5", ["stiffness=3", "stiffness=50"]),
+        ("bearings.foil.stiffness=5", ["frequency=0.63", "frequency=0.2", "frequency=0.74"]),
+        ("sweep.excitation.frequency=[0.5]", ["frequency=0.5_stiffness=3", "frequency=0.5_stiffness=50"]),
+        (
+            "bearings.foil.stiffness, excitation.frequency=[[5, 0.5], [6, 0.6]]",
+            ["stiffness=5_frequency=0.5", "stiffness=6_frequency=0.6"],
+        ),
+        ("sweep.excitation.frequency, operation.speed=[[0.5, 1]]", [
+            "frequency=0.5_speed=1_stiffness=3", "frequency=0.5_speed=1_stiffness=50"
+        ]),
+    ],
+)  # fmt: skip
+def test_an_override_takes_its_key_out_of_those_that_vary_together(text, override, expected):
+    assert ids(text + "[sweep]\n" + TOGETHER, override) == expected
+
+
 def test_an_index_means_one_bearing_and_names_stay_apart(text):
     sweep = '[sweep]\n"bearings.0.node" = [0, 2]\n"rotor.discs.0.node" = [1, 3]\n'
     cases = read_cases(text + sweep, "demo.toml")
@@ -91,6 +128,21 @@ def test_a_swept_alternative_replaces_the_key_of_the_file(text):
         ("[sweep]\nrotor.masters.last = [4]", 35, "is an array of values: give an index"),
         ("[sweep]\nbearings.foil.stifness = [3]", 35, "unknown key"),
         ("[sweep]\nexcitation.displacement = [0.1, 1.5]", 35, "closes the film"),
+        (
+            '[sweep]\n"gas.viscosity, operation.speed" = [\n[1, 2],\n[3],\n]',
+            37,
+            "must be a list of 2 values, one for each of gas.viscosity, operation.speed",
+        ),
+        ('[sweep]\n"gas.viscosity, operation.speed" = [1]', 35, "must be a list of 2 values"),
+        ('[sweep]\n"gas.viscosity, operation.speed" = [[1, 2], [1, 2.0]]', 34, "lists a value of gas"),
+        ('[sweep]\n"gas.viscosity, operation.sped" = [[1, 2]]', 35, "unknown key"),
+        ('[sweep]\n"gas.viscosity," = [[1, 2]]', 35, "is not a key"),
+        ('[sweep]\n"gas.viscosity, bearings.7.radius" = [[1, 2]]', 35, "names entry 7 of bearings"),
+        (
+            '[sweep]\ngas.viscosity = [1]\n"gas.viscosity, operation.speed" = [[1, 2]]',
+            34,
+            "gas.viscosity twice",
+        ),
         (
             f"[sweep]\noperation.speed = {list(range(1, 200))}\ngas.viscosity = {list(range(1, 200))}",
             34,
@@ -149,6 +201,7 @@ def test_an_override_of_a_swept_key_ends_or_replaces_the_sweep(text):
         ("gas.viscosity=[1", "--set", "gas.viscosity=[1", "neither a TOML value nor a bare word"),
         ("gas.viscosity=1\nname='x'", "--set", "gas.viscosity=1\nname='x'", "neither a TOML value"),
         ("sweep.gas.viscosity=1", "--set", "sweep.gas.viscosity=1", "must be a list"),
+        ("gas.viscosity, name=[[1]]", "--set", "gas.viscosity, name=[[1]]", "must be a list of 2 values"),
         ("bearings=3", "--set bearings=3", "bearings", "must be an array"),
     ],
 )
@@ -260,6 +313,7 @@ KEYS = st.sampled_from(
         "continue_cycles.range",
         "sweep",
         "sweep.gas.viscosity",
+        "sweep.gas.viscosity, operation.speed",
         "name",
         "x",
         "x.y.0",

@@ -75,6 +75,36 @@ def test_a_refinement_follows_the_stages_of_all_cases(program: Program, three: P
     assert len(program.computed) == 6
 
 
+def test_the_chain_without_figures(program: Program, smoke: Path) -> None:
+    assert program("run", "smoke.toml", "--no-figures").exit_code == ExitCode.DONE
+    assert not (program.folder / "build" / "smoke-figures").exists()
+    assert "No such option" in program("linearize", "smoke.toml", "--no-figures").stderr
+
+
+def test_the_time_of_several_cases_is_told(program: Program, three: Path) -> None:
+    several = program("linearize", "three.toml")
+    assert "all 3" in several.stderr
+    assert "took 0 s" in several.stderr
+    document = json.loads(program("linearize", "three.toml", "--json").stdout)
+    assert set(document["seconds"]["cases"]) == {"stiffness=5", "stiffness=10", "stiffness=20"}
+    assert "took" not in program("linearize", "three.toml", "--case", "*=5").stderr
+
+
+def test_a_single_figure_goes_to_a_file(program: Program, smoke: Path) -> None:
+    program("linearize", "smoke.toml")
+    done = program("figures", "build/smoke.zarr", "-o", "a.svg", "--figure", "machine")
+    assert done.stdout == "a.svg\n"
+    assert (program.folder / "a.svg").is_file()
+    for words, told in (
+        (["-o", "a.svg", "--format", "png"], "a.svg says another one"),
+        (["-o", "b.svg", "--figure", "tree"], "no figure"),
+    ):
+        refused = program("figures", "build/smoke.zarr", *words)
+        assert refused.exit_code == ExitCode.USAGE
+        assert told in refused.stderr
+    assert not (program.folder / "b.svg").exists()
+
+
 def test_results_as_json(program: Program, smoke: Path) -> None:
     done = program("linearize", "smoke.toml", "--json", "-o", "a.zarr")
     (result,) = json.loads(done.stdout)["results"]

@@ -102,6 +102,13 @@ def test_missing_groups_and_arrays_are_reported(synthetic, tmp_path):
     assert said == [], "nobody asked for the others"
 
 
+def test_a_tree_without_doubled_branches_is_told(synthetic, tmp_path):
+    synthetic.make_store(tmp_path / "store", 3, parts=("machine", "cycles"))
+    said = []
+    assert draw_figures(tmp_path / "store", tmp_path / "figures", kinds=["tree"], report=said.append) == []
+    assert said == ["kb10: tree is left out: it has no branch of doubled cycles (continue_cycles.doublings)"]
+
+
 def test_a_damaged_group_costs_its_own_figures_only(synthetic, tmp_path):
     synthetic.make_store(tmp_path / "store", 3)
     damaged = next((tmp_path / "store").glob("cases/*/linear/eigenvalues/c*"))

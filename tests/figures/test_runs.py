@@ -73,7 +73,7 @@ def test_only_cycles_with_the_parameters_of_the_run_are_compared(runs, moving):
     other = Table(moving.arrays | {"displacement": np.full(len(moving["speed"]), 0.1)}, moving.attributes)
     doubled = Table(moving.arrays, {**moving.attributes, "turns": 2})
     along = Table(moving.arrays, {**moving.attributes, "parameter": "displacement"})
-    assert comparable(runs[0], [moving, other, doubled, along]) == [moving]
+    assert comparable(runs[0], [moving, other, doubled, along]) == [moving, doubled]
 
 
 def test_a_run_at_constant_speed_is_drawn_over_time(view, runs, moving):

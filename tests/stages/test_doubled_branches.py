@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine
 from pipelines.stages.branch_run import turned
 from pipelines.stages.cycle_problem import cycle_problem
+from pipelines.stages.cycle_rows import BranchRecorder
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
@@ -81,6 +83,30 @@ def test_they_are_born_at_the_period_doubling(doubled: Path) -> None:
     )
     assert np.all(frequency > born)
     assert rows["unstable_count"][0] == 0
+
+
+def test_cycles_of_half_the_period_are_on_no_doubled_branch(doubled: Path) -> None:
+    case = tiny_case(*ACROSS).case
+    machine, simple = build_machine(case), cycle_problem(build_machine(case), case)
+    parent, rows = branch(doubled, "b000"), branch(doubled, "d000")
+
+    def said(found: Group, index: int, before: int | None) -> str | None:
+        parameters = np.array([found[name][index] for name in PARAMETERS])
+        image = turned(simple, 2).period_map.evaluate(
+            found["state"][index],
+            parameters,
+            4.0 * np.pi / parameters[1],
+            2 * int(parent["steps_per_period"][-1]),
+        )
+        orbit = None if before is None else rows["orbit"][before]
+        recorder = BranchRecorder(machine, None, 0.01, lambda *_: None, 2, orbit)  # type: ignore[arg-type]
+        cycle = SimpleNamespace(image=image, parameters=parameters)
+        return recorder.limit(SimpleNamespace(cycle=cycle))  # type: ignore[arg-type]
+
+    assert said(rows, rows.n_points - 1, -2) is None
+    assert "has come back" in str(said(parent, parent.n_points - 1, -2))
+    assert said(rows, 0, None) is None
+    assert "has half the period" in str(said(parent, parent.n_points - 1, None))
 
 
 @pytest.mark.parametrize("stop", [2, 5])
