@@ -21,6 +21,7 @@ from pipelines.datasets.records import COMPLETE
 from pipelines.datasets.store import Store, open_for_reading
 from pipelines.stages import (
     bifurcation_set,
+    calibrate,
     continue_cycles,
     continue_tori,
     curve_tracking,
@@ -34,6 +35,8 @@ from pipelines.stages.refine_points import stored_points
 from pipelines.stages.transient_run import request_of
 
 Attributes = Mapping[str, Any]
+
+CYCLES_PER_ONSET = 8  # a branch that begins near an onset has four to twelve points
 
 
 class There(Enum):
@@ -82,14 +85,16 @@ def plan(stages: Sequence[str], cases: Sequence[NamedCase], store_path: Path | N
 
 @dataclass(frozen=True)
 class _Extent:
-    """Groups of a stage by the beginning of their names, reasons to stop that are no failure, and the table
-    that must be the same, but for some keys.
+    """Groups of a stage by the beginning of their names, reasons to stop that are no failure, the table that
+    must be the same, but for some keys, and the reason to stop that the key ``most`` of the table lifts.
     """
 
     groups: tuple[str, ...]
     well: frozenset[str]
     table: str
     free: frozenset[str] = frozenset()
+    wanting: str = WANTING_POINTS
+    most: str = "max_points"
 
 
 def _names(stops: Iterable[Enum]) -> frozenset[str]:
@@ -117,6 +122,14 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
         ),
         "continue_tori": _Extent(
             ("tori/",), _names(continue_tori.COMPLETE), "continue_tori", frozenset({"max_points"})
+        ),
+        "calibrate": _Extent(
+            (calibrate.GROUP,),
+            frozenset({calibrate.CONVERGED}),
+            "calibrate",
+            frozenset({"max_evaluations"}),
+            calibrate.OUT_OF_EVALUATIONS,
+            "max_evaluations",
         ),
     }
 )
@@ -172,9 +185,9 @@ def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> There:
     asked = table.model_dump(mode="json", exclude=set(extent.free))
     if any(attributes.get("request", asked) != asked for attributes in found):
         return There.OTHERWISE
-    most = getattr(table, "max_points", 0)
+    most = getattr(table, extent.most, 0)
     ended = [
-        each["status"] == COMPLETE or has_ended(each, each.get("n_points", 0), WANTING_POINTS, most)
+        each["status"] == COMPLETE or has_ended(each, each.get("n_points", 0), extent.wanting, most)
         for each in found
     ]
     if not all(ended):
@@ -205,6 +218,8 @@ def _most(stage: str, case: Case) -> int | None:
         return case.criticals.points
     if stage == "continue_cycles":
         return case.continue_cycles.max_points * len(continue_cycles.directions(case))
+    if stage == "calibrate" and case.calibrate is not None:
+        return case.calibrate.max_evaluations
     return None
 
 
@@ -230,7 +245,16 @@ def _one_point(stage: str, case: Case, durations: Durations) -> float | None:
         return durations.of_campbell_speed(case)
     if stage == "continue_cycles":
         return durations.of_cycle(case)
+    if stage == "calibrate":
+        cycle = durations.of_cycle(case)
+        return None if cycle is None else CYCLES_PER_ONSET * _onsets(case) * cycle
     return None if stage in ("refine", "continue_tori") else durations.of_curve_point(case)
+
+
+def _onsets(case: Case) -> int:
+    """Onset speeds that one machine of a calibration needs; a slope needs two."""
+    targets = () if case.calibrate is None else case.calibrate.targets
+    return sum(2 if target.quantity == "onset_slope" else 1 for target in targets)
 
 
 def _doubles(stage: str, case: Case) -> bool:
