@@ -8,6 +8,7 @@ written in one piece, no group is locked: a command that computes therefore hold
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import time
@@ -15,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipelines.datasets.errors import CorruptedError
+from pipelines.datasets.errors import CorruptedError, LockedStoreError
 from pipelines.datasets.locking import GroupLock
 from pipelines.datasets.metadata import METADATA
 from pipelines.datasets.reading import describe
@@ -119,9 +120,16 @@ def _sum(counts: Iterable[int | None]) -> int:
 
 def command_lock(path: Path) -> GroupLock:
     """What a command that computes holds as long as it does, so that others see it where no group is being
-    written. Any number of commands may hold one. Raises OSError when the lock file cannot be made.
+    written. Any number of commands may hold one; those that killed commands left are removed. Raises OSError
+    when the lock file cannot be made.
     """
-    return GroupLock(path.expanduser().resolve(), f"{_COMMANDS}{socket.gethostname()}-{os.getpid()}")
+    store = path.expanduser().resolve()
+    lock = GroupLock(store, f"{_COMMANDS}{socket.gethostname()}-{os.getpid()}", wait=True)
+    for name in GroupLock.known(store):
+        if name.startswith(_COMMANDS) and name != lock.group:
+            with contextlib.suppress(LockedStoreError):  # it is alive
+                GroupLock(store, name).release()
+    return lock
 
 
 def commands(path: Path) -> list[str]:

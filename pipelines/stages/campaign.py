@@ -81,10 +81,14 @@ def run_campaign(
 
 @contextmanager
 def _lost_connections() -> Iterator[None]:
-    """To Dask a lost connection is an error of the operating system; it is none of the disk's."""
+    """To Dask a lost connection, or one that is not made in time, is an error of the operating system; it is
+    none of the disk's, which have a number.
+    """
     try:
         yield
-    except CommClosedError as error:
+    except OSError as error:
+        if error.errno is not None and not isinstance(error, CommClosedError):
+            raise
         raise ClusterError(f"the connection to the cluster is lost: {error}") from error
 
 

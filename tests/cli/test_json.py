@@ -16,7 +16,7 @@ from tests.cli.conftest import Program
 from tests.figures.synthetic_store import make_store
 
 COMMANDS = typer.main.get_group(app).commands
-ARGUMENTS = {"CONFIG": "smoke.toml", "STORE": "a.zarr", "A": "a.zarr", "B": "a.zarr"}
+ARGUMENTS = {"CONFIG": "smoke.toml", "STORE": "a.zarr", "STORE...": "a.zarr", "A": "a.zarr", "B": "a.zarr"}
 MISSING = {name: f"no-{value}" for name, value in ARGUMENTS.items()}
 
 

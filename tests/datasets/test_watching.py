@@ -77,6 +77,17 @@ def test_a_command_is_seen_between_two_groups(store: Store) -> None:
     assert not lock.parent.exists()
 
 
+def test_what_a_killed_command_left_is_removed_by_the_next(store: Store) -> None:
+    left = GroupLock.file(store.path, "command/elsewhere-1")
+    left.parent.mkdir()
+    left.write_text("1 elsewhere\n")
+    with command_lock(store.path):
+        assert commands(store.path) == [f"{os.getpid()} on {socket.gethostname()}"]
+        with GroupLock(store.path, "command/elsewhere-2"), command_lock(store.path.with_name("other.zarr")):
+            assert len(GroupLock.known(store.path)) == 2, "a living command is left alone"
+    assert not left.parent.exists()
+
+
 def test_no_store(tmp_path: Path) -> None:
     with pytest.raises(NotAStoreError):
         watch(tmp_path)

@@ -30,8 +30,8 @@ TINY = (
 
 
 def tiny_case(*overrides: str, config: Path = CONFIG) -> NamedCase:
-    """The one case of a configuration with the tiny settings and further overrides."""
-    (named,) = read_cases(config.read_text(), config.name, (*TINY, *overrides))
+    """The first case of a configuration with the tiny settings and further overrides."""
+    named, *_ = read_cases(config.read_text(), config.name, (*TINY, *overrides))
     return named
 
 
