@@ -9,6 +9,7 @@ from pydantic import ValidationInfo, field_validator
 from pipelines.case.fields import InconsistentError, Number, Table, choice, quantity, steps_in_order, table
 
 Parameter = Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"]
+Kind = Literal["period_doubling", "neimark_sacker", "fold"]
 Interval = tuple[Number, Number]
 
 
@@ -95,6 +96,14 @@ class TrackCurves(Table):
 class BifurcationSet(Table):
     """The search of `agfb run` for all curves of the plane excitation frequency x speed of [track_curves]."""
 
+    kinds: tuple[Kind, ...] = table(
+        "kinds of curves that are followed; without `fold` the search is several times faster where films touch "
+        "ambient pressure, but losses of stability by folds are missing",
+        ("period_doubling", "neimark_sacker", "fold"),
+        min_length=1,
+        max_length=3,
+        because="something must be followed",
+    )
     frequencies: int = quantity(
         "branches along the speed in the first round, at equally spaced excitation frequencies",
         "",

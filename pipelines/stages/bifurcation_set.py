@@ -35,7 +35,6 @@ Interval = tuple[float, float]
 GROUP = "bifurcation_set"
 SPEED: Literal["speed"] = "speed"
 FREQUENCY: Literal["excitation_frequency"] = "excitation_frequency"
-KINDS_OF_CURVE = (EventKind.PERIOD_DOUBLING, EventKind.NEIMARK_SACKER, EventKind.FOLD)
 LARGEST_ORDER = 2  # of the principal resonances 2 Omega_j / n at which the first round has lines
 APART = 0.02  # of the plane's width: resonances nearer to another line get none
 LINE_POINTS = 2000
@@ -67,9 +66,9 @@ def bifurcation_set(
             f"{case.case.bifurcation_set.smallest_film:g} of the clearance",
             "raise the upper end of track_curves.ranges, or lower bifurcation_set.smallest_film",
         )  # fmt: skip
-    search = case.case.bifurcation_set
+    search, kinds = case.case.bifurcation_set, _kinds(case.case)
     lines: list[Line] = []
-    trace_all(job, KINDS_OF_CURVE)
+    trace_all(job, kinds)
     complete = False
     for number in range(search.max_rounds):
         fresh = lines_of_round(job, number, lowest)
@@ -78,7 +77,7 @@ def bifurcation_set(
                 return _result(job, lines, complete)
             trace_branch(job, _request(job, line, len(lines), lowest))
             lines.append(line)
-            trace_all(job, KINDS_OF_CURVE)
+            trace_all(job, kinds)
         if should_stop():
             return _result(job, lines, complete)
         first = len(lines) - len(fresh)
@@ -96,6 +95,12 @@ def nothing_to_search(case: Case) -> str | None:
     if parameter_vector(case)[film.DISPLACEMENT] == 0.0:
         return "without displacement of the rings nothing depends on the excitation frequency"
     return None
+
+
+def _kinds(case: Case) -> tuple[EventKind, ...]:
+    """The kinds of curves that the search follows, always in the same order."""
+    every = (EventKind.PERIOD_DOUBLING, EventKind.NEIMARK_SACKER, EventKind.FOLD)
+    return tuple(kind for kind in every if kind.name.lower() in case.bifurcation_set.kinds)
 
 
 def _range(case: Case, parameter: str) -> Interval:
@@ -238,6 +243,7 @@ def _write(job: Job, lines: list[Line], lowest: float, complete: bool) -> None:
         "ranges": [list(interval) for interval in case.track_curves.ranges],
         "rounds": lines[-1].round + 1,
         "covered": covered(lines, complete),
+        "kinds": [kind.name.lower() for kind in _kinds(case)],
         "complete": complete,
         "passive_instability_speed": None if passive is None else passive.speed,
         "lowest_speed": lowest,
@@ -270,7 +276,7 @@ def covered(lines: list[Line], complete: bool) -> str:
 
 def _result(job: Job, lines: list[Line], complete: bool) -> StageResult:
     """How the search ended: well when every curve is complete and the last lines met no new one."""
-    results = {CONTAINERS[kind]: curves_result(job, kind, Untraced()) for kind in KINDS_OF_CURVE}
+    results = {CONTAINERS[kind]: curves_result(job, kind, Untraced()) for kind in _kinds(job.case.case)}
     summary: dict[str, Any] = {"lines": len(lines)}
     summary |= {f"{name} curves": result.summary["curves"] for name, result in results.items()}
     advice = [result.advice for result in results.values() if not result.ok]

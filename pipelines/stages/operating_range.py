@@ -251,7 +251,10 @@ def _samples(store: Store, groups: dict[str, str], abscissa: str) -> tuple[Array
 def _set_cautions(searched: dict[str, Any] | Any) -> list[str]:
     if not searched:
         return ["the plane was not searched: bifurcations off the tracked curves are not known"]
-    return [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
+    told = [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
+    if "fold" not in searched.get("kinds", ("fold",)):
+        told.append("folds were not followed (bifurcation_set.kinds): losses of stability by them are missing")
+    return told
 
 
 def range_over(

@@ -16,6 +16,7 @@ from pipelines.stages.bifurcation_set import Line, covered, lines_of_round, lowe
 from pipelines.stages.curve_rows import CONTAINERS, traced
 from pipelines.stages.curve_starts import starts_of
 from pipelines.stages.job import Job
+from pipelines.stages.operating_range import _set_cautions
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
@@ -148,6 +149,17 @@ def test_nothing_is_searched_without_excitation(tmp_path: Path) -> None:
     result = Watched("bifurcation_set", tiny_case(config=PASSIVE), tmp_path / "a.zarr").result
     assert result.ok
     assert "without displacement" in result.stop_reason
+
+
+def test_kinds_that_are_not_asked_for_are_not_followed(tmp_path: Path) -> None:
+    case = tiny_case(*WINDOW, 'bifurcation_set.kinds=["period_doubling"]', "bifurcation_set.max_rounds=1")
+    result = Watched("bifurcation_set", case, tmp_path / "a.zarr").result
+    assert list(result.summary) == ["lines", "pd curves"]
+    assert result.summary["pd curves"] > 0
+    assert not (tmp_path / "a.zarr/cases/smoke/ns").exists()
+    found = read_group(open_for_reading(tmp_path / "a.zarr"), "cases/smoke/bifurcation_set")
+    assert found.attributes["kinds"] == ["period_doubling"]
+    assert any("folds were not followed" in told for told in _set_cautions(found.attributes))
 
 
 def test_an_incomplete_search_says_so() -> None:
