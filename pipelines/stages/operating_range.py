@@ -210,7 +210,7 @@ def stored_plane(store: Store, case: str) -> StoredPlane:
         *_samples(store, groups, parameters[1 - speed_axis]),
     )
     passive = searched.get("passive_instability_speed")
-    return StoredPlane(plane, parameters[1 - speed_axis], passive, tuple(_set_cautions(searched)))
+    return StoredPlane(plane, parameters[1 - speed_axis], passive, tuple(set_cautions(searched)))
 
 
 def _plane(
@@ -248,12 +248,12 @@ def _samples(store: Store, groups: dict[str, str], abscissa: str) -> tuple[Array
     return np.concatenate(places), np.concatenate(unstable)
 
 
-def _set_cautions(searched: dict[str, Any] | Any) -> list[str]:
+def set_cautions(searched: dict[str, Any] | Any) -> list[str]:
     if not searched:
         return ["the plane was not searched: bifurcations off the tracked curves are not known"]
     told = [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
     if "fold" not in searched.get("kinds", ("fold",)):
-        told.append("folds were not followed (bifurcation_set.kinds): losses of stability by them are missing")
+        told.append("folds were not followed (bifurcation_set.kinds): stability may be lost by one before")
     return told
 
 

@@ -16,7 +16,7 @@ from pipelines.stages.bifurcation_set import Line, covered, lines_of_round, lowe
 from pipelines.stages.curve_rows import CONTAINERS, traced
 from pipelines.stages.curve_starts import starts_of
 from pipelines.stages.job import Job
-from pipelines.stages.operating_range import _set_cautions
+from pipelines.stages.operating_range import set_cautions
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
@@ -159,7 +159,7 @@ def test_kinds_that_are_not_asked_for_are_not_followed(tmp_path: Path) -> None:
     assert not (tmp_path / "a.zarr/cases/smoke/ns").exists()
     found = read_group(open_for_reading(tmp_path / "a.zarr"), "cases/smoke/bifurcation_set")
     assert found.attributes["kinds"] == ["period_doubling"]
-    assert any("folds were not followed" in told for told in _set_cautions(found.attributes))
+    assert any("folds were not followed" in told for told in set_cautions(found.attributes))
 
 
 def test_an_incomplete_search_says_so() -> None:
