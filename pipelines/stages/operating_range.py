@@ -249,6 +249,7 @@ def _samples(store: Store, groups: dict[str, str], abscissa: str) -> tuple[Array
 
 
 def set_cautions(searched: dict[str, Any] | Any) -> list[str]:
+    """What to bear in mind of a plane, from the attributes of its search (none where none was made)."""
     if not searched:
         return ["the plane was not searched: bifurcations off the tracked curves are not known"]
     told = [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
