@@ -15,6 +15,8 @@ from tests.helpers.synthetic import GROUP, LEAN, compute, extend, following, ope
 from tests.helpers.trees import compare_trees
 
 POINTS = 2
+
+
 @pytest.mark.parametrize("step", BEFORE)
 def test_every_failing_write_resumes_to_identical_bytes(tmp_path: Path, step: str) -> None:
     undisturbed = tmp_path / "undisturbed"
