@@ -65,10 +65,7 @@ def special_tests(
     kappa, aligned = critical.kappa, critical.alignment
     tests = {
         EventKind.NEIMARK_SACKER: {
-            SpecialKind.R1: 1.0 - kappa,
-            SpecialKind.R2: 1.0 + kappa,
-            SpecialKind.R3: 0.5 + kappa,
-            SpecialKind.R4: kappa,
+            **resonance_tests(kappa),
             SpecialKind.FOLD_NEIMARK_SACKER: folds,
             SpecialKind.FLIP_NEIMARK_SACKER: flips,
             SpecialKind.DOUBLE_NEIMARK_SACKER: pairs,
@@ -88,6 +85,16 @@ def special_tests(
         },
     }
     return np.array([tests[kind].get(special, math.nan) for special in SpecialKind])
+
+
+def resonance_tests(kappa: float) -> dict[SpecialKind, float]:
+    """The tests of the strong resonances on a Neimark-Sacker curve."""
+    return {
+        SpecialKind.R1: 1.0 - kappa,
+        SpecialKind.R2: 1.0 + kappa,
+        SpecialKind.R3: 0.5 + kappa,
+        SpecialKind.R4: kappa,
+    }
 
 
 def crossed(before: Vector, after: Vector) -> tuple[SpecialKind, ...]:

@@ -28,7 +28,14 @@ from pipelines.bifurcations.curve import (
 )
 from pipelines.bifurcations.curve_corrector import correct_critical
 from pipelines.bifurcations.curve_opening import columns_of, demand_of, open_curve
-from pipelines.bifurcations.curve_segment import CurveEnd, CurveSegment, curve_end, dip_beyond, locate_special
+from pipelines.bifurcations.curve_segment import (
+    Bracket,
+    CurveEnd,
+    CurveSegment,
+    curve_end,
+    dip_beyond,
+    locate_special,
+)
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import (
     CurveProblem,
@@ -277,8 +284,9 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
     specials: list[SpecialPoint] = []
     unlocated: list[SpecialKind] = []
     end, limit = segment.end, 1.0
-    for special, known in _brackets(segment, state):
-        located = locate_special(segment, special, known, options.event_tolerance, options.normal_form)
+    for bracket in _brackets(segment, state):
+        special = bracket.special
+        located = locate_special(segment, bracket, options.event_tolerance, options.normal_form)
         if located is None:
             if not _is_shortest(state, options):
                 return _Rejected("a special point inside the step did not converge")
@@ -305,19 +313,20 @@ def _is_where_it_starts(point: SpecialPoint, segment: CurveSegment, state: Curve
     return at_resonance and state.index == 0 and point.fraction * segment.length < _STARTED
 
 
-def _brackets(segment: CurveSegment, state: CurveState) -> list[tuple[SpecialKind, dict[float, float]]]:
-    """Special points of a segment with the fractions and test values between which each of them lies."""
+def _brackets(segment: CurveSegment, state: CurveState) -> list[Bracket]:
+    """Where the special points of a segment lie."""
     before, after = settled(state.tests), settled(segment.end.tests)
     brackets = [
-        (special, {0.0: float(before[special - 1]), 1.0: float(after[special - 1])})
+        Bracket(special, (0.0, 1.0), (float(before[special - 1]), float(after[special - 1])))
         for special in crossed(before, after)
     ]
     if segment.problem.kind is EventKind.NEIMARK_SACKER:
         # kappa may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
-        for special in (SpecialKind.R1, SpecialKind.R2):
-            beyond = dip_beyond(segment, special, (state.kappa, state.kappa_slope))
-            if beyond is not None:
-                brackets.append((special, {0.0: float(before[special - 1]), beyond[0]: beyond[1]}))
+        dips = (
+            dip_beyond(segment, special, (state.kappa, state.kappa_slope))
+            for special in (SpecialKind.R1, SpecialKind.R2)
+        )
+        brackets += [dip for dip in dips if dip is not None]
     return brackets
 
 
@@ -339,7 +348,7 @@ def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptio
     """The point in the plane through the first point across the segment."""
     row = segment.metric.row(segment.chord)
     closing = Closing(row, row.dot(state.start), segment.across, segment.gradient, segment.metric)
-    found = segment.correct_on(state.start, closing)
+    found = segment.correct_on(state.start, closing, segment.anchors[0])
     if found.point is None:
         return None
     return curve_end(found, found.point, closing, segment.chord, options.normal_form, segment.frame)

@@ -7,7 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from pipelines.bifurcations.codimension_two import genuine, other_multipliers, special_tests
+from pipelines.bifurcations.codimension_two import (
+    genuine,
+    other_multipliers,
+    resonance_tests,
+    special_tests,
+)
 from pipelines.bifurcations.correction import Closing, CriticalCycle, CurveCorrection
 from pipelines.bifurcations.critical import (
     Critical,
@@ -179,6 +184,17 @@ class _NotConvergedError(Exception):
 
 
 @dataclass(frozen=True)
+class Anchor:
+    """A corrected point at a ``fraction`` of a segment, with what its neighbours are corrected with."""
+
+    fraction: float
+    position: Position
+    basis: Matrix
+    frame: Frame
+    gradient: Position
+
+
+@dataclass(frozen=True)
 class CurveSegment:
     """The curve between two corrected points with their unit tangents, both discretised with ``steps``.
 
@@ -216,72 +232,115 @@ class CurveSegment:
             .plus(self.end.tangent, end_tangent)
         )
 
-    def closing_at(self, fraction: float) -> Closing:
+    @property
+    def anchors(self) -> tuple[Anchor, Anchor]:
+        """Both ends."""
+        end = self.end
+        return (
+            Anchor(0.0, self.start, self.basis, self.frame, self.gradient),
+            Anchor(1.0, end.position, end.point.cycle.basis, end.frame, end.gradient),
+        )
+
+    def closing_at(self, fraction: float, anchor: Anchor) -> Closing:
         """The plane of a fraction."""
         row = self.metric.row(self.chord)
         value = row.dot(self.start) + fraction * row.dot(self.chord)
-        return Closing(row, value, self.across, self.gradient, self.metric)
+        return Closing(row, value, self.across, anchor.gradient, self.metric)
 
-    def correct_at(self, fraction: float) -> CurveCorrection:
-        """The point at a fraction of the segment."""
-        return self.correct_on(self.guess(fraction), self.closing_at(fraction))
+    def correct_at(self, fraction: float, anchor: Anchor) -> CurveCorrection:
+        """The point at a fraction of the segment; the cubic is as wrong there as it is at the anchor."""
+        wrong = anchor.position.minus(self.guess(anchor.fraction))
+        guess = self.guess(fraction).plus(wrong)
+        return self.correct_on(guess, self.closing_at(fraction, anchor), anchor)
 
-    def end_at(self, fraction: float, options: NormalFormOptions | None, precise: bool) -> CurveEnd:
-        """The corrected point at a fraction with its tests; raises when it does not converge."""
-        correction, closing = self.correct_at(fraction), self.closing_at(fraction)
-        end = None
-        if correction.point is not None:
-            end = curve_end(correction, correction.point, closing, self.chord, options, self.frame, precise)
-        if end is None:
-            raise _NotConvergedError
-        return end
-
-    def correct_on(self, guess: Position, closing: Closing) -> CurveCorrection:
+    def correct_on(self, guess: Position, closing: Closing, anchor: Anchor) -> CurveCorrection:
         """The point near ``guess`` on another closing row."""
         return correct_critical(
-            self.problem, guess, closing, self.basis, self.frame, self.steps, self.reference
+            self.problem, guess, closing, anchor.basis, anchor.frame, self.steps, self.reference
         )
 
 
+class SegmentPoints:
+    """Points of a segment, each corrected once, from its nearest neighbour."""
+
+    def __init__(self, segment: CurveSegment) -> None:
+        self._segment = segment
+        self._anchors = list(segment.anchors)
+        self._corrected: dict[float, tuple[CurveCorrection, CriticalCycle, Anchor]] = {}
+
+    def critical(self, fraction: float) -> Critical:
+        """The criticality at a fraction; raises when the corrector does not converge."""
+        return self._at(fraction)[1].critical
+
+    def end(self, fraction: float, options: NormalFormOptions | None, precise: bool) -> CurveEnd:
+        """The point at a fraction with its tests; raises when it does not converge."""
+        correction, point, anchor = self._at(fraction)
+        closing = self._segment.closing_at(fraction, anchor)
+        chord = self._segment.chord
+        found = curve_end(correction, point, closing, chord, options, anchor.frame, precise)
+        if found is None:
+            raise _NotConvergedError
+        return found
+
+    def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
+        if fraction not in self._corrected:
+            anchor = min(self._anchors, key=lambda known: abs(known.fraction - fraction))
+            correction = self._segment.correct_at(fraction, anchor)
+            point = correction.point
+            if point is None:
+                raise _NotConvergedError
+            self._corrected[fraction] = correction, point, anchor
+            frame = following_frame(point.basis, point.critical)
+            self._anchors.append(Anchor(fraction, point.position, point.basis, frame, point.gradient))
+        return self._corrected[fraction]
+
+
+@dataclass(frozen=True)
+class Bracket:
+    """Two fractions of a segment between which a test changes sign.
+
+    ``touching``: at the second one the test is at its minimum, so that its root is linear in the fraction.
+    """
+
+    special: SpecialKind
+    fractions: tuple[float, float]
+    tests: tuple[float, float]
+    touching: bool = False
+
+
 def locate_special(
-    segment: CurveSegment,
-    special: SpecialKind,
-    known: dict[float, float],
-    width: float,
-    options: NormalFormOptions | None,
+    segment: CurveSegment, bracket: Bracket, width: float, options: NormalFormOptions | None
 ) -> tuple[SpecialPoint | None, CurveEnd] | None:
-    """The zero of one test function between the two ``known`` fractions, whose values have opposite signs.
+    """The zero of one test function inside a bracket, to ``width`` of arclength.
 
     Returns the point, or None in its place when it turns out to be a neutral saddle or the noise of a
     coefficient, and the corrected end there; None when a point between did not converge.  Every evaluation
     is a corrected point, so that the root is as sharp as the corrector.
     """
-    ends: dict[float, CurveEnd] = {}
-    with_form = special in (SpecialKind.GENERALISED_FLIP, SpecialKind.CHENCINER)
+    special, points = bracket.special, SegmentPoints(segment)
     # kappa comes from the critical pair itself, which is sharp on every corrected point
-    precise = segment.problem.kind is not EventKind.NEIMARK_SACKER or special > SpecialKind.R4
-
-    def end_at(fraction: float) -> CurveEnd:
-        if fraction not in ends:
-            ends[fraction] = segment.end_at(fraction, options if with_form else None, precise)
-        return ends[fraction]
+    from_pair = segment.problem.kind is EventKind.NEIMARK_SACKER and special <= SpecialKind.R4
+    with_form = options if special in (SpecialKind.GENERALISED_FLIP, SpecialKind.CHENCINER) else None
+    known = dict(zip(bracket.fractions, bracket.tests, strict=True))
 
     def test(fraction: float) -> float:
-        if fraction in known:
-            return known[fraction]
-        value = float(end_at(fraction).tests[special - 1])
+        value = known.get(fraction)
+        if value is None and from_pair:
+            value = resonance_tests(points.critical(fraction).kappa)[special]
+        elif value is None:
+            value = float(points.end(fraction, with_form, True).tests[special - 1])
         if not np.isfinite(value):
             raise _NotConvergedError
-        return value
+        return float(np.copysign(np.sqrt(abs(value)), value)) if bracket.touching else value
 
     try:
         tolerance = 4.0 * np.finfo(float).eps
         width = max(width / segment.length, 1e-14)
-        fraction = float(brentq(test, min(known), max(known), xtol=width, rtol=tolerance))
-        end = segment.end if fraction == 1.0 else end_at(fraction)
+        fraction = float(brentq(test, *bracket.fractions, xtol=width, rtol=tolerance))
+        end = segment.end if fraction == 1.0 else points.end(fraction, with_form, not from_pair)
     except _NotConvergedError:
         return None
-    if with_form and _drowned(end, abs(max(known.values()) - min(known.values()))):
+    if with_form is not None and _drowned(end, abs(bracket.tests[1] - bracket.tests[0])):
         return None, end
     return _special_point(segment, special, end, fraction), end
 
@@ -294,22 +353,41 @@ def _drowned(end: CurveEnd, change: float) -> bool:
     return form is None or form.noise * abs(end.point.alignment) > 0.5 * change
 
 
-def dip_beyond(
-    segment: CurveSegment, special: SpecialKind, start: tuple[float, float]
-) -> tuple[float, float] | None:
-    """A fraction where kappa is beyond 1 (R1) or -1 (R2) although it is not at either end of the segment, and
-    the negative value of the test there.
+def dip_beyond(segment: CurveSegment, special: SpecialKind, start: tuple[float, float]) -> Bracket | None:
+    """Where kappa is beyond 1 (R1) or -1 (R2) although it is not at either end of a Neimark-Sacker segment.
 
     ``start``: kappa and its slope at the start.  The cubic through both ends tells whether it is worth
-    looking; then the zero of the slope is found.  None when kappa turns back before, or a point fails.
+    looking; then the zero of the slope is found.  None when kappa turns back before, when a point fails, and
+    when the time steps leave more in the multipliers than these are apart there,
+
+        mu_1 - mu_2 = 2 sqrt(kappa^2 - 1)
     """
     sign = 1.0 if special is SpecialKind.R1 else -1.0
-    length = segment.length
-    end = segment.end
-    before, after = 1.0 - sign * start[0], 1.0 - sign * end.point.kappa
-    falling, rising = -sign * start[1] * length, -sign * end.kappa_slope * length
-    if not (before > 0.0 and after > 0.0 and falling < 0.0 < rising):
+    before = 1.0 - sign * start[0]
+    if not _may_dip(segment, sign, before, start[1]):
         return None
+    known, points = {0.0: start[1], 1.0: segment.end.kappa_slope}, SegmentPoints(segment)
+
+    def slope(fraction: float) -> float:
+        return known[fraction] if fraction in known else points.end(fraction, None, False).kappa_slope
+
+    try:
+        lowest = float(brentq(slope, 0.0, 1.0, xtol=1e-6))
+        beyond = sign * points.critical(lowest).kappa - 1.0
+    except _NotConvergedError:
+        return None
+    if beyond <= 0.0 or 2.0 * np.sqrt(beyond * (beyond + 2.0)) < segment.problem.options.step_tolerance:
+        return None
+    return Bracket(special, (0.0, lowest), (before, -beyond), touching=True)
+
+
+def _may_dip(segment: CurveSegment, sign: float, before: float, start_slope: float) -> bool:
+    """Whether the cubic of 1 -+ kappa through both ends of a segment comes down far enough between them."""
+    length, end = segment.length, segment.end
+    after = 1.0 - sign * end.point.kappa
+    falling, rising = -sign * start_slope * length, -sign * end.kappa_slope * length
+    if not (before > 0.0 and after > 0.0 and falling < 0.0 < rising):
+        return False
     fractions = np.linspace(0.0, 1.0, 101)
     cubic = (
         before * (1.0 + 2.0 * fractions) * (1.0 - fractions) ** 2
@@ -317,19 +395,7 @@ def dip_beyond(
         + after * fractions**2 * (3.0 - 2.0 * fractions)
         + rising * fractions**2 * (fractions - 1.0)
     )
-    if np.min(cubic) > _DIP * min(before, after):
-        return None
-    known = {0.0: start[1], 1.0: end.kappa_slope}
-
-    def slope(fraction: float) -> float:
-        return known[fraction] if fraction in known else segment.end_at(fraction, None, False).kappa_slope
-
-    try:
-        lowest = float(brentq(slope, 0.0, 1.0, xtol=1e-6))
-        kappa = segment.end_at(lowest, None, False).point.kappa
-    except _NotConvergedError:
-        return None
-    return (lowest, 1.0 - sign * kappa) if sign * kappa > 1.0 else None
+    return bool(np.min(cubic) <= _DIP * min(before, after))
 
 
 def _special_point(
