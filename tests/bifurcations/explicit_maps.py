@@ -103,6 +103,15 @@ def rotation_map(third: float = 0.3) -> ExplicitMap:
     return explicit_map(3, ("m", "theta", "d_r", "t", "k"), function)
 
 
+def narrow_tongue(depth: float) -> ExplicitMap:
+    """(x, y) -> (2 kappa x - r y, x) with kappa = -1 - depth + e^2: Neimark-Sacker at r = 1, its ends at R2 at
+    e = -+ sqrt(depth), and between them real multipliers, 2 sqrt(2 depth) apart at e = 0.
+    """
+    return explicit_map(
+        2, ("e", "r"), lambda s, p: (2.0 * (-1.0 - depth + p[0] ** 2) * s[0] - p[1] * s[1], s[0])
+    )
+
+
 def flip_map() -> ExplicitMap:
     """x -> -(1 + m) x + q x^2 + c x^3 with u -> 0.4 u + h x^2: b = c + q^2 (Kuznetsov, eq. 4.11).
 

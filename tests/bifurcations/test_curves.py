@@ -21,6 +21,7 @@ from tests.bifurcations.explicit_maps import (
     delayed_logistic,
     flip_map,
     henon,
+    narrow_tongue,
     product_map,
     rotation_map,
 )
@@ -84,6 +85,22 @@ def test_neimark_sacker_curve_ends_on_the_fold_curve() -> None:
         # fixed points r x^2 + (1 - r) x = e meet where (1 - r)^2 + 4 r e = 0
         r, e = run.parameters.T
         assert np.max(np.abs((1.0 - r) ** 2 + 4.0 * r * e)) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("depth", "stop"),
+    [(1e-5, CurveStop.RESONANCE_2), (1e-12, CurveStop.RESONANCE_2), (1e-14, CurveStop.RANGE)],
+)
+def test_a_tongue_within_one_step(depth: float, stop: CurveStop) -> None:
+    """The curve ends at it, unless the multipliers inside are nearer to -1 than the time steps leave (1e-6)."""
+    problem = map_problem(narrow_tongue(depth), NS, (0, 0), ("e", "r"))
+    begin = start([0.0, 0.0], (-0.33, 1.0), math.acos(-1.0 - depth + 0.33**2))
+    # e is the first parameter of the plane, so that the curve starts upwards
+    run = trace(problem, begin, CurveOptions(((-0.4, 0.4), (0.5, 1.5)), maximum_step=0.1))
+    assert run.result.stop is stop
+    assert np.max(np.abs(run.parameters[:, 1] - 1.0)) < 1e-9
+    end = 0.4 if stop is CurveStop.RANGE else -math.sqrt(depth)
+    assert run.points[-1].parameters[0] == pytest.approx(end, abs=1e-7)
 
 
 def test_a_curve_may_start_on_a_resonance() -> None:
