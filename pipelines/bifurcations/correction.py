@@ -23,6 +23,7 @@ from pipelines.orbits.system import Matrix
 
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 _STALLED = 0.5  # reduction of g in one step that asks for its exact derivatives
+_PATIENCE = 3  # such steps in a row: with exact derivatives too it does not get on
 
 
 @dataclass(frozen=True)
@@ -105,9 +106,12 @@ class History:
 
     @property
     def diverged(self) -> bool:
-        """Whether the sum of both grew beyond recovery."""
+        """Whether the sum of both grew beyond recovery, or the test function has not got on for long."""
         sizes = [r + abs(g) for r, g in zip(self.residual_norms, self.test_values, strict=True)]
-        return sizes[-1] > max(1.0, _DIVERGENCE * min(sizes))
+        stuck = len(sizes) > _PATIENCE and min(
+            abs(g) for g in self.test_values[-_PATIENCE:]
+        ) > _STALLED * min(abs(g) for g in self.test_values[:-_PATIENCE])
+        return stuck or sizes[-1] > max(1.0, _DIVERGENCE * min(sizes))
 
     def ended(self, stop: NewtonStop, point: CriticalCycle | None = None) -> CurveCorrection:
         return CurveCorrection(stop, point, self.residual_norms, self.test_values)

@@ -27,6 +27,7 @@ ORBIT_SAMPLES = 64
 INITIAL_COLUMNS = 23  # and the parameter column: three lines of eight
 BUFFER_COLUMNS = 7
 PICARD_TOLERANCE = 1e-2  # of a predictor and a Newton update; a pass with two columns is nearly a whole one
+SHARPEST, SHARE = 1e-9, 1e-3  # asked of multipliers and test functions: a part of what the time steps leave
 
 NORMAL_FORM = NormalFormOptions(difference=2.5e-4)  # stays inside the regularised clipping
 
@@ -59,6 +60,7 @@ def cycle_problem(machine: Machine, case: Case, fixed: Mapping[str, float] | Non
         tolerance=numerics.newton_tolerance,
         iterations=numerics.newton_iterations,
         picard_tolerance=PICARD_TOLERANCE,
+        multiplier_tolerance=max(SHARPEST, SHARE * numerics.multiplier_tolerance),
         step_tolerance=numerics.multiplier_tolerance,
         basis=basis,
     )
