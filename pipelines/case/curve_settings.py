@@ -104,6 +104,11 @@ class BifurcationSet(Table):
         max_length=3,
         because="something must be followed",
     )
+    boundaries: bool = table(
+        "whether only curves are followed that bound stable cycles where a branch or another curve meets them; "
+        "the bifurcations of cycles that are unstable already are left out",
+        False,
+    )
     frequencies: int = quantity(
         "branches along the speed in the first round, at equally spaced excitation frequencies",
         "",

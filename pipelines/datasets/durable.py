@@ -6,7 +6,6 @@ Everything a store writes goes through `replace_file`; `DurableStore` sends Zarr
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import errno
 import os
@@ -102,7 +101,8 @@ class DurableStore(LocalStore):
     async def _set(self, key: str, value: Buffer, exclusive: bool = False) -> None:
         self._check_writable()
         path = self.root / key
-        await asyncio.to_thread(replace_file, path, memoryview(value.as_buffer_like()), durable=self.durable)
+        # in this thread: nothing else waits for it, and handing over takes longer than the file
+        replace_file(path, memoryview(value.as_buffer_like()), durable=self.durable)
 
     def set_sync(self, key: str, value: Buffer) -> None:
         """Replace one file (Zarr's synchronous path)."""

@@ -68,7 +68,7 @@ def bifurcation_set(
         )  # fmt: skip
     search, kinds = case.case.bifurcation_set, _kinds(case.case)
     lines: list[Line] = []
-    trace_all(job, kinds)
+    trace_all(job, kinds, search.boundaries)
     complete = False
     for number in range(search.max_rounds):
         fresh = lines_of_round(job, number, lowest)
@@ -77,7 +77,7 @@ def bifurcation_set(
                 return _result(job, lines, complete)
             trace_branch(job, _request(job, line, len(lines), lowest))
             lines.append(line)
-            trace_all(job, kinds)
+            trace_all(job, kinds, search.boundaries)
         if should_stop():
             return _result(job, lines, complete)
         first = len(lines) - len(fresh)
@@ -244,6 +244,7 @@ def _write(job: Job, lines: list[Line], lowest: float, complete: bool) -> None:
         "rounds": lines[-1].round + 1,
         "covered": covered(lines, complete),
         "kinds": [kind.name.lower() for kind in _kinds(case)],
+        "boundaries": case.bifurcation_set.boundaries,
         "complete": complete,
         "passive_instability_speed": None if passive is None else passive.speed,
         "lowest_speed": lowest,

@@ -13,7 +13,7 @@ from enum import Enum
 
 import numpy as np
 
-from pipelines.bifurcations.codimension_two import resonant_end
+from pipelines.bifurcations.codimension_two import other_multipliers, resonant_end
 from pipelines.bifurcations.curve import CurveStart, CurveStop
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
@@ -22,6 +22,7 @@ from pipelines.bifurcations.traced import TracedCurve
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
+from pipelines.orbits.floquet import Complex
 from pipelines.stages.branch_run import turned
 from pipelines.stages.curve_rows import CONTAINERS, SPECIAL_NAMES, TRACED, stored_special, traced
 from pipelines.stages.cycle_problem import cycle_problem, parameter_scale
@@ -39,12 +40,15 @@ JOINS = {
 
 @dataclass(frozen=True)
 class Start:
-    """Where a curve may start, and for cycles of how many excitation periods."""
+    """Where a curve may start, for cycles of how many excitation periods, and whether it bounds stable ones
+    there: all multipliers but the critical ones lie inside the unit circle.
+    """
 
     origin: Origin
     problem: CurveProblem
     guess: CurveStart
     turns: int
+    bounds: bool
 
 
 @dataclass(frozen=True)
@@ -78,11 +82,12 @@ class Fate(Enum):
 Fates = dict[tuple[EventKind, Origin], Fate]
 
 
-def next_start(job: Job, kinds: Sequence[EventKind], fates: Fates) -> Next | None:
+def next_start(job: Job, kinds: Sequence[EventKind], fates: Fates, boundaries: bool) -> Next | None:
     """A curve that was begun; else the first start, in the order of kinds and groups, on no curve yet; None
     when nothing is left.
 
-    ``fates`` remembers the starts that need not be looked at again.
+    ``fates`` remembers the starts that need not be looked at again; ``boundaries``: only starts that bound
+    stable cycles.
     """
     fresh: Next | None = None
     for kind in kinds:
@@ -93,6 +98,8 @@ def next_start(job: Job, kinds: Sequence[EventKind], fates: Fates) -> Next | Non
             if mine and not _is_finished(job, start, [known[name] for name in mine]):
                 return Next(start, mine, known)
             if mine or fresh is not None or (kind, start.origin) in fates:
+                continue
+            if boundaries and not start.bounds:
                 continue
             fate = _fate(job, start, known)
             if fate is None:
@@ -147,7 +154,10 @@ def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
     event = stored_event(branch, origin.event)
     cycles = turned(cycle_problem(job.machine, job.case.case), turns)
     problem, guess = curve_from_event(cycles, event, table.parameters, CurveFormulation(table.formulation))
-    return Start(origin, problem, guess, turns)
+    others = other_multipliers(
+        event.kind, event.multipliers, float(np.cos(event.angle)), cycles.period_map.autonomous
+    )
+    return Start(origin, problem, guess, turns, _stable(others))
 
 
 def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) -> Iterator[Start]:
@@ -162,7 +172,15 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
         special = stored_special(curve, index)
         joined = joined_curve(curve_problem(job, other, turns, special.parameters), special)
         if joined is not None and joined[0].kind is kind:
-            yield Start(Origin(group, index), joined[0], joined[1], turns)
+            # at a strong resonance the critical multipliers are a pair, whatever the curve
+            others = other_multipliers(
+                EventKind.NEIMARK_SACKER, special.multipliers, special.kappa, joined[0].period_map.autonomous
+            )
+            yield Start(Origin(group, index), joined[0], joined[1], turns, _stable(others))
+
+
+def _stable(multipliers: Complex) -> bool:
+    return bool(np.all(np.abs(multipliers) <= 1.0))
 
 
 def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:

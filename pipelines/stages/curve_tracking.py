@@ -81,14 +81,15 @@ class Untraced:
     refused: int = 0
 
 
-def trace_all(job: Job, kinds: Sequence[EventKind]) -> Untraced:
-    """Trace every curve of some kinds that the store's bifurcations start.
+def trace_all(job: Job, kinds: Sequence[EventKind], boundaries: bool = False) -> Untraced:
+    """Trace every curve of some kinds that the store's bifurcations start; ``boundaries``: only those that
+    bound stable cycles where they start.
 
     One curve after the other: what comes next follows from the store alone, so that a search that was
     interrupted goes on as if it had not been.
     """
     fates: Fates = {}
-    while not job.should_stop() and (found := next_start(job, kinds, fates)) is not None:
+    while not job.should_stop() and (found := next_start(job, kinds, fates, boundaries)) is not None:
         _trace_both_ways(job, found)
     told = list(fates.values())
     return Untraced(told.count(Fate.OUTSIDE), told.count(Fate.REFUSED))
