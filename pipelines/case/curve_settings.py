@@ -105,8 +105,8 @@ class BifurcationSet(Table):
         because="something must be followed",
     )
     boundaries: bool = table(
-        "whether only curves are followed that bound stable cycles where a branch or another curve meets them; "
-        "the bifurcations of cycles that are unstable already are left out",
+        "whether only curves are followed that bound stable cycles where a branch or another curve meets "
+        "them; the bifurcations of cycles that are unstable already are left out",
         False,
     )
     frequencies: int = quantity(

@@ -104,7 +104,7 @@ def rotation_map(third: float = 0.3) -> ExplicitMap:
 
 
 def narrow_tongue(depth: float) -> ExplicitMap:
-    """(x, y) -> (2 kappa x - r y, x) with kappa = -1 - depth + e^2: Neimark-Sacker at r = 1, its ends at R2 at
+    """(x, y) -> (2 kappa x - r y, x) with kappa = -1 - depth + e^2: Neimark-Sacker at r = 1 with ends at R2,
     e = -+ sqrt(depth), and between them real multipliers, 2 sqrt(2 depth) apart at e = 0.
     """
     return explicit_map(

@@ -92,7 +92,7 @@ def test_neimark_sacker_curve_ends_on_the_fold_curve() -> None:
     [(1e-5, CurveStop.RESONANCE_2), (1e-12, CurveStop.RESONANCE_2), (1e-14, CurveStop.RANGE)],
 )
 def test_a_tongue_within_one_step(depth: float, stop: CurveStop) -> None:
-    """The curve ends at it, unless the multipliers inside are nearer to -1 than the time steps leave (1e-6)."""
+    """The curve ends at it, unless the multipliers inside are nearer to -1 than what time steps leave."""
     problem = map_problem(narrow_tongue(depth), NS, (0, 0), ("e", "r"))
     begin = start([0.0, 0.0], (-0.33, 1.0), math.acos(-1.0 - depth + 0.33**2))
     # e is the first parameter of the plane, so that the curve starts upwards
