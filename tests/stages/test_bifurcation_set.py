@@ -14,7 +14,7 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
 from pipelines.stages.bifurcation_set import Line, covered, lines_of_round, lowest_speed
 from pipelines.stages.curve_rows import CONTAINERS, traced
-from pipelines.stages.curve_starts import starts_of
+from pipelines.stages.curve_starts import Fate, next_start, starts_of
 from pipelines.stages.job import Job
 from pipelines.stages.operating_range import set_cautions
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
@@ -164,3 +164,23 @@ def test_kinds_that_are_not_asked_for_are_not_followed(tmp_path: Path) -> None:
 
 def test_an_incomplete_search_says_so() -> None:
     assert "max_rounds" in covered([Line("speed", 0.5, 0), Line("speed", 0.7, 1)], False)
+
+
+def test_only_what_bounds_stable_cycles_may_be_followed(tmp_path: Path) -> None:
+    """The branch loses stability at a first pair and gets a second unstable one, as its rows count."""
+    path = tmp_path / "a.zarr"
+    overrides = ("continue_cycles.range=[1.1, 1.35]", "continue_cycles.maximum_step=0.05")
+    assert Watched("continue_cycles", tiny_case(*WINDOW, *overrides), path).result.ok
+    at = job(path, *overrides, "track_curves.ranges=[[0.2, 2.0], [0.5, 2.0]]")
+    branch = at.read("cycles/b000", ("event_after_point", "unstable_count"))
+    kind = EventKind.NEIMARK_SACKER
+    starts = list(starts_of(at, kind))
+    rows = [int(branch["event_after_point"][start.origin.event]) for start in starts]
+    counts = [sorted(branch["unstable_count"][row : row + 2].tolist()) for row in rows]
+    assert counts == [[0, 2], [2, 4]]
+    assert [start.bounds for start in starts] == [True, False]
+    beyond = {(kind, starts[0].origin): Fate.KNOWN}
+    assert next_start(at, (kind,), beyond, boundaries=True) is None
+    following = next_start(at, (kind,), beyond, boundaries=False)
+    assert following is not None
+    assert following.start.origin == starts[1].origin
