@@ -31,7 +31,7 @@ smoke: $(INSTALLED) ## run the main job on configs/smoke.toml: build/smoke.zarr 
 	$(BIN)/agfb run configs/smoke.toml -o build/smoke.zarr
 
 # The paper's figures. Each number has a store, made by the stages of its configuration; each letter shows some cases.
-# Coarse ones, beside: make fig3 PAPER=build/coarse OPTIONS='--set numerics.circumferential=24 --set numerics.axial=2'
+# On a finer grid, beside: make fig3 PAPER=build/fine OPTIONS='--set numerics.circumferential=40 --set numerics.axial=3'
 PAPER ?= build/paper
 OPTIONS ?=
 NUMBERED := fig3 fig4 fig5 fig6

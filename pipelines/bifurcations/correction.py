@@ -23,7 +23,7 @@ from pipelines.orbits.system import Matrix
 
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 _STALLED = 0.5  # reduction of g in one step that asks for its exact derivatives
-_PATIENCE = 3  # such steps in a row: with exact derivatives too it does not get on
+_PATIENCE = 3  # steps without getting on: with exact derivatives it does not either
 
 
 @dataclass(frozen=True)
@@ -104,14 +104,21 @@ class History:
         values = self.test_values
         return len(values) > 1 and abs(values[-1]) > _STALLED * abs(values[-2])
 
+    def stuck(self, problem: CurveProblem) -> bool:
+        """Whether the last step stalls and none of the last few got on, the test function being not yet
+        small.
+        """
+        sizes = [abs(value) for value in self.test_values]
+        before, recent = sizes[:-_PATIENCE], sizes[-_PATIENCE:]
+        if not before or min(sizes) <= problem.options.multiplier_tolerance:
+            return False
+        return self.stalls and min(recent) > _STALLED * min(before)
+
     @property
     def diverged(self) -> bool:
-        """Whether the sum of both grew beyond recovery, or the test function has not got on for long."""
+        """Whether the sum of both grew beyond recovery."""
         sizes = [r + abs(g) for r, g in zip(self.residual_norms, self.test_values, strict=True)]
-        stuck = len(sizes) > _PATIENCE and min(
-            abs(g) for g in self.test_values[-_PATIENCE:]
-        ) > _STALLED * min(abs(g) for g in self.test_values[:-_PATIENCE])
-        return stuck or sizes[-1] > max(1.0, _DIVERGENCE * min(sizes))
+        return sizes[-1] > max(1.0, _DIVERGENCE * min(sizes))
 
     def ended(self, stop: NewtonStop, point: CriticalCycle | None = None) -> CurveCorrection:
         return CurveCorrection(stop, point, self.residual_norms, self.test_values)

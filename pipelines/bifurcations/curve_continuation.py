@@ -32,6 +32,7 @@ from pipelines.bifurcations.curve_segment import (
     Bracket,
     CurveEnd,
     CurveSegment,
+    SegmentPoints,
     curve_end,
     dip_beyond,
     locate_special,
@@ -284,9 +285,10 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
     specials: list[SpecialPoint] = []
     unlocated: list[SpecialKind] = []
     end, limit = segment.end, 1.0
-    for bracket in _brackets(segment, state):
+    points = SegmentPoints(segment)
+    for bracket in _brackets(points, state):
         special = bracket.special
-        located = locate_special(segment, bracket, options.event_tolerance, options.normal_form)
+        located = locate_special(points, bracket, options.event_tolerance, options.normal_form)
         if located is None:
             if not _is_shortest(state, options):
                 return _Rejected("a special point inside the step did not converge")
@@ -313,8 +315,9 @@ def _is_where_it_starts(point: SpecialPoint, segment: CurveSegment, state: Curve
     return at_resonance and state.index == 0 and point.fraction * segment.length < _STARTED
 
 
-def _brackets(segment: CurveSegment, state: CurveState) -> list[Bracket]:
+def _brackets(points: SegmentPoints, state: CurveState) -> list[Bracket]:
     """Where the special points of a segment lie."""
+    segment = points.segment
     before, after = settled(state.tests), settled(segment.end.tests)
     brackets = [
         Bracket(special, (0.0, 1.0), (float(before[special - 1]), float(after[special - 1])))
@@ -323,7 +326,7 @@ def _brackets(segment: CurveSegment, state: CurveState) -> list[Bracket]:
     if segment.problem.kind is EventKind.NEIMARK_SACKER:
         # kappa may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
         dips = (
-            dip_beyond(segment, special, (state.kappa, state.kappa_slope))
+            dip_beyond(points, special, (state.kappa, state.kappa_slope))
             for special in (SpecialKind.R1, SpecialKind.R2)
         )
         brackets += [dip for dip in dips if dip is not None]

@@ -116,6 +116,8 @@ def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, gradient))
         if history.diverged:
             return history.ended(NewtonStop.DIVERGED)
+        if history.stuck(at.problem):
+            return history.ended(NewtonStop.STUCK)
         step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
         if step is None:
             return history.ended(NewtonStop.SINGULAR)

@@ -264,9 +264,10 @@ class SegmentPoints:
     """Points of a segment, each corrected once, from its nearest neighbour."""
 
     def __init__(self, segment: CurveSegment) -> None:
-        self._segment = segment
+        self.segment = segment
         self._anchors = list(segment.anchors)
         self._corrected: dict[float, tuple[CurveCorrection, CriticalCycle, Anchor]] = {}
+        self._ends: dict[tuple[float, bool, bool], CurveEnd] = {}
 
     def critical(self, fraction: float) -> Critical:
         """The criticality at a fraction; raises when the corrector does not converge."""
@@ -274,18 +275,20 @@ class SegmentPoints:
 
     def end(self, fraction: float, options: NormalFormOptions | None, precise: bool) -> CurveEnd:
         """The point at a fraction with its tests; raises when it does not converge."""
-        correction, point, anchor = self._at(fraction)
-        closing = self._segment.closing_at(fraction, anchor)
-        chord = self._segment.chord
-        found = curve_end(correction, point, closing, chord, options, anchor.frame, precise)
-        if found is None:
-            raise _NotConvergedError
-        return found
+        key = fraction, options is not None, precise
+        if key not in self._ends:
+            correction, point, anchor = self._at(fraction)
+            closing, chord = self.segment.closing_at(fraction, anchor), self.segment.chord
+            end = curve_end(correction, point, closing, chord, options, anchor.frame, precise)
+            if end is None:
+                raise _NotConvergedError
+            self._ends[key] = end
+        return self._ends[key]
 
     def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
         if fraction not in self._corrected:
             anchor = min(self._anchors, key=lambda known: abs(known.fraction - fraction))
-            correction = self._segment.correct_at(fraction, anchor)
+            correction = self.segment.correct_at(fraction, anchor)
             point = correction.point
             if point is None:
                 raise _NotConvergedError
@@ -299,7 +302,7 @@ class SegmentPoints:
 class Bracket:
     """Two fractions of a segment between which a test changes sign.
 
-    ``touching``: at the second one the test is at its minimum, so that its root is linear in the fraction.
+    ``touching``: at the second one the test is at its minimum -b, and sqrt(test + b) linear in the fraction.
     """
 
     special: SpecialKind
@@ -309,7 +312,7 @@ class Bracket:
 
 
 def locate_special(
-    segment: CurveSegment, bracket: Bracket, width: float, options: NormalFormOptions | None
+    points: SegmentPoints, bracket: Bracket, width: float, options: NormalFormOptions | None
 ) -> tuple[SpecialPoint | None, CurveEnd] | None:
     """The zero of one test function inside a bracket, to ``width`` of arclength.
 
@@ -317,7 +320,7 @@ def locate_special(
     coefficient, and the corrected end there; None when a point between did not converge.  Every evaluation
     is a corrected point, so that the root is as sharp as the corrector.
     """
-    special, points = bracket.special, SegmentPoints(segment)
+    segment, special = points.segment, bracket.special
     # kappa comes from the critical pair itself, which is sharp on every corrected point
     from_pair = segment.problem.kind is EventKind.NEIMARK_SACKER and special <= SpecialKind.R4
     with_form = options if special in (SpecialKind.GENERALISED_FLIP, SpecialKind.CHENCINER) else None
@@ -331,7 +334,10 @@ def locate_special(
             value = float(points.end(fraction, with_form, True).tests[special - 1])
         if not np.isfinite(value):
             raise _NotConvergedError
-        return float(np.copysign(np.sqrt(abs(value)), value)) if bracket.touching else value
+        if bracket.touching:
+            lowest = -bracket.tests[1]
+            return float(np.sqrt(max(0.0, value + lowest)) - np.sqrt(lowest))
+        return value
 
     try:
         tolerance = 4.0 * np.finfo(float).eps
@@ -353,30 +359,36 @@ def _drowned(end: CurveEnd, change: float) -> bool:
     return form is None or form.noise * abs(end.point.alignment) > 0.5 * change
 
 
-def dip_beyond(segment: CurveSegment, special: SpecialKind, start: tuple[float, float]) -> Bracket | None:
+def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, float]) -> Bracket | None:
     """Where kappa is beyond 1 (R1) or -1 (R2) although it is not at either end of a Neimark-Sacker segment.
 
     ``start``: kappa and its slope at the start.  The cubic through both ends tells whether it is worth
     looking; then the zero of the slope is found.  None when kappa turns back before, when a point fails, and
-    when the time steps leave more in the multipliers than these are apart there,
+    when kappa is no farther beyond than the corrector and the time steps leave it wrong: with an error e of
+    the multipliers
 
-        mu_1 - mu_2 = 2 sqrt(kappa^2 - 1)
+        mu_1 - mu_2 = 2 sqrt(kappa^2 - 1) > e      or nearly      |kappa| - 1 > e^2/8
     """
-    sign = 1.0 if special is SpecialKind.R1 else -1.0
+    segment, sign = points.segment, 1.0 if special is SpecialKind.R1 else -1.0
     before = 1.0 - sign * start[0]
     if not _may_dip(segment, sign, before, start[1]):
         return None
-    known, points = {0.0: start[1], 1.0: segment.end.kappa_slope}, SegmentPoints(segment)
+    known = {0.0: start[1], 1.0: segment.end.kappa_slope}
 
     def slope(fraction: float) -> float:
-        return known[fraction] if fraction in known else points.end(fraction, None, False).kappa_slope
+        value = known[fraction] if fraction in known else points.end(fraction, None, False).kappa_slope
+        if not np.isfinite(value):
+            raise _NotConvergedError
+        return value
 
     try:
         lowest = float(brentq(slope, 0.0, 1.0, xtol=1e-6))
         beyond = sign * points.critical(lowest).kappa - 1.0
     except _NotConvergedError:
         return None
-    if beyond <= 0.0 or 2.0 * np.sqrt(beyond * (beyond + 2.0)) < segment.problem.options.step_tolerance:
+    options = segment.problem.options
+    error = float(np.fmax(options.step_tolerance, segment.end.point.step_error))
+    if beyond <= max(error**2 / 8.0, options.multiplier_tolerance):
         return None
     return Bracket(special, (0.0, lowest), (before, -beyond), touching=True)
 

@@ -78,6 +78,8 @@ def correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, closing.gradient))
         if history.diverged:
             return history.ended(NewtonStop.DIVERGED)
+        if history.stuck(at.problem):
+            return history.ended(NewtonStop.STUCK)
         step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
         update = None if step is None else _extended_step(linear, vectors, angle, defect, reference, step)
         if step is None or update is None:

@@ -106,7 +106,7 @@ class BifurcationSet(Table):
     )
     boundaries: bool = table(
         "whether only curves are followed that bound stable cycles where a branch or another curve meets "
-        "them; the bifurcations of cycles that are unstable already are left out",
+        "them; those of cycles that are unstable there are left out, even if they bound others elsewhere",
         False,
     )
     frequencies: int = quantity(

@@ -101,7 +101,7 @@ class DurableStore(LocalStore):
     async def _set(self, key: str, value: Buffer, exclusive: bool = False) -> None:
         self._check_writable()
         path = self.root / key
-        # in this thread: nothing else waits for it, and handing over takes longer than the file
+        # in the thread of Zarr's event loop: a commit writes one file after the other anyway
         replace_file(path, memoryview(value.as_buffer_like()), durable=self.durable)
 
     def set_sync(self, key: str, value: Buffer) -> None:

@@ -46,6 +46,7 @@ class NewtonStop(Enum):
         "the residual is still above the tolerance after the allowed iterations: start closer or allow more"
     )
     DIVERGED = "the residual grows: start closer to the cycle or take a smaller continuation step"
+    STUCK = "the test function of the bifurcation does not get smaller: take smaller continuation steps"
     NON_FINITE = "the orbit left the domain of the equations: start closer or use more steps per period"
     SINGULAR = (
         "the bordered matrix is singular: change the continued parameter or start away from the bifurcation"

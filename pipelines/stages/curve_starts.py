@@ -15,14 +15,13 @@ import numpy as np
 
 from pipelines.bifurcations.codimension_two import other_multipliers, resonant_end
 from pipelines.bifurcations.curve import CurveStart, CurveStop
-from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import curve_from_event, joined_curve
 from pipelines.bifurcations.traced import TracedCurve
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
-from pipelines.orbits.floquet import Complex
 from pipelines.stages.branch_run import turned
 from pipelines.stages.curve_rows import CONTAINERS, SPECIAL_NAMES, TRACED, stored_special, traced
 from pipelines.stages.cycle_problem import cycle_problem, parameter_scale
@@ -157,7 +156,7 @@ def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
     others = other_multipliers(
         event.kind, event.multipliers, float(np.cos(event.angle)), cycles.period_map.autonomous
     )
-    return Start(origin, problem, guess, turns, _stable(others))
+    return Start(origin, problem, guess, turns, unstable_count(others, False) == 0)
 
 
 def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) -> Iterator[Start]:
@@ -176,11 +175,7 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
             others = other_multipliers(
                 EventKind.NEIMARK_SACKER, special.multipliers, special.kappa, joined[0].period_map.autonomous
             )
-            yield Start(Origin(group, index), joined[0], joined[1], turns, _stable(others))
-
-
-def _stable(multipliers: Complex) -> bool:
-    return bool(np.all(np.abs(multipliers) <= 1.0))
+            yield Start(Origin(group, index), joined[0], joined[1], turns, unstable_count(others, False) == 0)
 
 
 def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:

@@ -44,7 +44,7 @@ from pipelines.stages.curve_starts import (
     next_start,
     parameter_scales,
 )
-from pipelines.stages.cycle_problem import NORMAL_FORM, smooth_maps
+from pipelines.stages.cycle_problem import EVENT_SHARE, NORMAL_FORM, smooth_maps
 from pipelines.stages.cycle_rows import coordinates
 from pipelines.stages.job import Job
 from pipelines.stages.results import Report, ShouldStop, StageResult
@@ -174,6 +174,7 @@ def curve_options(job: Job, direction: int) -> CurveOptions:
         maximum_step=table.maximum_step,
         max_points=table.max_points,
         parameter_scales=parameter_scales(job),
+        event_tolerance=EVENT_SHARE * job.case.case.numerics.event_tolerance,
         normal_form=NORMAL_FORM if table.normal_forms else None,
     )
 

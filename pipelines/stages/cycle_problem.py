@@ -27,7 +27,9 @@ ORBIT_SAMPLES = 64
 INITIAL_COLUMNS = 23  # and the parameter column: three lines of eight
 BUFFER_COLUMNS = 7
 PICARD_TOLERANCE = 1e-2  # of a predictor and a Newton update; a pass with two columns is nearly a whole one
-SHARPEST, SHARE = 1e-9, 1e-3  # asked of multipliers and test functions: a part of what the time steps leave
+SHARE = 1e-3  # of what the time steps leave in the multipliers: asked of these and of the test functions,
+SHARPEST, BLUNTEST = 1e-9, 1e-8  # but within these: where a resonance is found does not depend on it
+EVENT_SHARE = 0.01  # of the tolerance in the parameter: that along the branch or curve
 
 NORMAL_FORM = NormalFormOptions(difference=2.5e-4)  # stays inside the regularised clipping
 
@@ -60,7 +62,7 @@ def cycle_problem(machine: Machine, case: Case, fixed: Mapping[str, float] | Non
         tolerance=numerics.newton_tolerance,
         iterations=numerics.newton_iterations,
         picard_tolerance=PICARD_TOLERANCE,
-        multiplier_tolerance=max(SHARPEST, SHARE * numerics.multiplier_tolerance),
+        multiplier_tolerance=min(max(SHARPEST, SHARE * numerics.multiplier_tolerance), BLUNTEST),
         step_tolerance=numerics.multiplier_tolerance,
         basis=basis,
     )
@@ -115,5 +117,5 @@ def continuation_options(case: Case, direction: int) -> ContinuationOptions:
         maximum_step=table.maximum_step,
         max_points=table.max_points,
         parameter_scale=scale,
-        detection=DetectionOptions(event_tolerance=0.01 * case.numerics.event_tolerance),
+        detection=DetectionOptions(event_tolerance=EVENT_SHARE * case.numerics.event_tolerance),
     )

@@ -255,6 +255,11 @@ def set_cautions(searched: dict[str, Any] | Any) -> list[str]:
     told = [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
     if "fold" not in searched.get("kinds", ("fold",)):
         told.append("folds were not followed (bifurcation_set.kinds): stability may be lost by one before")
+    if searched.get("boundaries", False):
+        told.append(
+            "only curves were followed that bound stable cycles where a branch meets them "
+            "(bifurcation_set.boundaries): others may do so between the branches"
+        )
     return told
 
 

@@ -204,6 +204,13 @@ def _searched(groups: Mapping[str, Attributes], case: Case, curves: There) -> Th
     if bifurcation_set.nothing_to_search(case) is not None:
         return There.COMPLETE
     search = groups.get(bifurcation_set.GROUP)
+    table = case.bifurcation_set
+    more = search is not None and (
+        bool(search.get("boundaries", False)) > table.boundaries
+        or not set(table.kinds) <= set(search.get("kinds", table.kinds))
+    )
+    if more:
+        return There.PARTIAL
     if search is not None and (search["complete"] or search["rounds"] >= case.bifurcation_set.max_rounds):
         return There.PARTIAL if curves is There.PARTIAL else There.COMPLETE
     begun = search is not None or any(name.startswith("cycles/s") for name in groups)

@@ -89,7 +89,7 @@ def test_neimark_sacker_curve_ends_on_the_fold_curve() -> None:
 
 @pytest.mark.parametrize(
     ("depth", "stop"),
-    [(1e-5, CurveStop.RESONANCE_2), (1e-12, CurveStop.RESONANCE_2), (1e-14, CurveStop.RANGE)],
+    [(1e-5, CurveStop.RESONANCE_2), (1e-10, CurveStop.RESONANCE_2), (1e-14, CurveStop.RANGE)],
 )
 def test_a_tongue_within_one_step(depth: float, stop: CurveStop) -> None:
     """The curve ends at it, unless the multipliers inside are nearer to -1 than what time steps leave."""

@@ -64,7 +64,7 @@ def test_the_machine_of_the_figures_differs_from_the_start_of_the_search_in_what
 @pytest.mark.parametrize(
     ("name", "cases"),
     [
-        ("fig3", {(k, d, 0.7) for k in (3, 10, 20, 50) for d in (0.02, 0.1, 0.2)}),
+        ("fig3", {(k, d, 0.2) for k in (3, 10, 20, 50) for d in (0.02, 0.1, 0.2)}),
         ("fig4", {(k, 0.2, f) for k, at in ANTIRESONANCES.items() for f in (0.2, at)}),
         ("fig6", {(k, 0.2, ANTIRESONANCES[k]) for k in (3, 50)}),
     ],
