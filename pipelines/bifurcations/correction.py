@@ -23,7 +23,7 @@ from pipelines.orbits.system import Matrix
 
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 _STALLED = 0.5  # reduction of g in one step that asks for its exact derivatives
-_PATIENCE = 3  # steps without getting on: with exact derivatives it does not either
+_PATIENCE = 4  # steps without getting on: with exact derivatives it does not either
 
 
 @dataclass(frozen=True)
