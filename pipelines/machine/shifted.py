@@ -365,6 +365,14 @@ def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layo
 
 
 @njit(cache=True)
+def _invert(matrix, inverse):
+    """The inverse, or NaN where the equations have left their domain: the solver of the stage sees that."""
+    inverse[:, :] = np.nan
+    if np.isfinite(np.sum(matrix)):
+        inverse[:, :] = np.linalg.inv(matrix)
+
+
+@njit(cache=True)
 def _factorise_rotor(shift, speed, constants, layout, start, factors):
     """The rotor's constant matrices, unless they already stand for this shift and speed."""
     size = layout[ROTOR_SIZE]
@@ -374,7 +382,7 @@ def _factorise_rotor(shift, speed, constants, layout, start, factors):
     header[0], header[1] = shift, speed
     stiffness, damping, gyroscopic, influence, _ = rotor_views(constants, layout)
     resistance = np.eye(size) + shift * (damping + speed * gyroscopic) + shift * shift * stiffness
-    inverse[:, :] = np.linalg.inv(resistance)
+    _invert(resistance, inverse)
     flexible[:, :] = -shift * (inverse @ stiffness)
     compliance[:, :] = shift * (inverse @ influence)
 
@@ -409,7 +417,7 @@ def machine_factorise(phase, state, parameters, shift, constants, layout, work, 
             for j in range(FORCES):
                 dof = layout[JOURNAL + bearing] + k
                 matrix[i, j] -= closing[1, i, 2 * bearing + k] * compliance[dof, j]
-    closing[2] = np.linalg.inv(matrix)
+    _invert(matrix, closing[2])
 
 
 @njit(cache=True, error_model="numpy")

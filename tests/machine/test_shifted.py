@@ -90,3 +90,13 @@ def test_factors_follow_the_speed() -> None:
         np.testing.assert_array_equal(
             lines.reshape(right.shape), solved(system, state, parameters, shift, right)
         )
+
+
+def test_a_state_without_a_film_gives_no_numbers() -> None:
+    """Newton may step out of the domain of the equations; that ends a step, not the program."""
+    system, state, parameters = states(case((8, 1)))
+    right = np.ones((system.size, LINE))
+    for broken in (np.nan, np.inf, 1e200):
+        beyond = np.full_like(state, broken)
+        assert not np.all(np.isfinite(solved(system, beyond, parameters, 0.05, right)))
+    assert np.all(np.isfinite(solved(system, state, parameters, 0.05, right)))
