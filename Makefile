@@ -18,7 +18,7 @@ $(INSTALLED): pyproject.toml
 	touch $@
 
 test: $(INSTALLED) ## run the tests (WORKERS processes)
-	$(BIN)/python -m pytest -n $(WORKERS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 torture: $(INSTALLED) ## kill 500 processes in every test of reliability, try 10000 configurations (hours)
 	$(BIN)/python -m pytest tests/reliability --kills 500 --hypothesis-profile torture

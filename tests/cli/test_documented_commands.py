@@ -35,7 +35,7 @@ from agfb_cli.pool import choose_pool
 from tests.helpers.tiny import ROOT, TINY
 
 STEPWISE = ROOT / "configs" / "your_rotor.md"  # first, from nothing: the others shall not do its work
-OTHERS = (ROOT / "README.md", *sorted(set((ROOT / "configs").glob("*.md")) - {STEPWISE}))
+OTHERS = (ROOT / "README.md", *sorted(set((ROOT / "configs").rglob("*.md")) - {STEPWISE}))
 PAGES = (STEPWISE, *OTHERS)
 COMMANDS = typer.main.get_group(app).commands
 DASK = MappingProxyType({"scheduler": dask_scheduler.main, "worker": dask_worker.main})
@@ -183,7 +183,7 @@ def folder(shared: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return shared
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_the_commands_of_a_page_work_from_top_to_bottom(page: Path, folder: Path) -> None:
     for language, text in blocks(page, "sh", "toml", "yaml"):
         if language == "sh":
@@ -197,7 +197,7 @@ def test_the_commands_of_a_page_work_from_top_to_bottom(page: Path, folder: Path
             mine.write_text(mine.read_text() + "\n" + text)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_commands_and_options_within_sentences_exist(page: Path) -> None:
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
     for name, rest in re.findall(r"`agfb ([a-z][a-z-]*)([^`]*)`", text):
@@ -206,7 +206,7 @@ def test_commands_and_options_within_sentences_exist(page: Path) -> None:
         assert set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", rest)) <= options | {"--help"}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_pages_and_files_that_a_page_links_to_exist(page: Path) -> None:
     targets = re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8"))
     assert [target for target in targets if not (page.parent / target).exists()] == []

@@ -152,7 +152,8 @@ def test_nothing_is_searched_without_excitation(tmp_path: Path) -> None:
 
 
 def test_kinds_that_are_not_asked_for_are_not_followed(tmp_path: Path) -> None:
-    case = tiny_case(*WINDOW, 'bifurcation_set.kinds=["period_doubling"]', "bifurcation_set.max_rounds=1")
+    search = ("kinds=['period_doubling']", "max_rounds=1", "frequencies=0")
+    case = tiny_case(*WINDOW, *(f"bifurcation_set.{setting}" for setting in search))
     result = Watched("bifurcation_set", case, tmp_path / "a.zarr").result
     assert list(result.summary) == ["lines", "pd curves"]
     assert result.summary["pd curves"] > 0
