@@ -365,7 +365,7 @@ def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layo
 
 
 @njit(cache=True)
-def _invert(matrix, inverse):
+def _invert_if_finite(matrix, inverse):
     """The inverse, or NaN where the equations have left their domain: the solver of the stage sees that."""
     inverse[:, :] = np.nan
     if np.isfinite(np.sum(matrix)):
@@ -382,7 +382,7 @@ def _factorise_rotor(shift, speed, constants, layout, start, factors):
     header[0], header[1] = shift, speed
     stiffness, damping, gyroscopic, influence, _ = rotor_views(constants, layout)
     resistance = np.eye(size) + shift * (damping + speed * gyroscopic) + shift * shift * stiffness
-    _invert(resistance, inverse)
+    _invert_if_finite(resistance, inverse)
     flexible[:, :] = -shift * (inverse @ stiffness)
     compliance[:, :] = shift * (inverse @ influence)
 
@@ -417,7 +417,7 @@ def machine_factorise(phase, state, parameters, shift, constants, layout, work, 
             for j in range(FORCES):
                 dof = layout[JOURNAL + bearing] + k
                 matrix[i, j] -= closing[1, i, 2 * bearing + k] * compliance[dof, j]
-    _invert(matrix, closing[2])
+    _invert_if_finite(matrix, closing[2])
 
 
 @njit(cache=True, error_model="numpy")

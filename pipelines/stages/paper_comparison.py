@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from pipelines.stages.operating_range import (
 Array = NDArray[np.float64]
 
 PROMINENCE = 0.01  # in speed: lower maxima of the threshold are no anti-resonance
+GAP = 0.02  # of the plane's width: curves whose ends are nearer leave nothing open between them
 NOT_COMPLETE = "the search of the plane is not complete"
 SAME = 1e-6  # relative: parameters of a case that count as those of the paper
 RECONSTRUCTION = (
@@ -226,10 +228,21 @@ def threshold_at(stored: PaperPlane, frequency: float) -> Found:
 
 
 def maxima(stored: PaperPlane) -> list[Boundary]:
-    """Maxima of the threshold over the excitation frequency, inside the plane, by rising frequency; where no
-    Neimark-Sacker point bounds it, the middle of the open interval.
+    """Maxima of the threshold over the excitation frequency, inside the plane, by rising frequency; where
+    nothing bounds the speed, the middle of the open interval.
+
+    Within a tongue of period doublings, and between the ends of curves that nearly meet, the threshold is
+    not known: it has a gap, whose edges may be maxima.
     """
-    peaks, _ = find_peaks([boundary.speed for boundary in stored.envelope], prominence=PROMINENCE)
+    heights = np.array([boundary.speed for boundary in stored.envelope])
+    low, high = stored.plane.abscissae
+    for is_open, run in groupby(range(len(heights)), lambda index: stored.envelope[index].is_open):
+        places = list(run)
+        first, middle, last = (stored.envelope[places[at]].abscissa for at in (0, len(places) // 2, -1))
+        narrow = last - first < GAP * (high - low)
+        if is_open and (narrow or not stored.plane.boundary(middle).is_open):
+            heights[places] = stored.plane.speeds[0]
+    peaks, _ = find_peaks(heights, prominence=PROMINENCE)
     return [stored.envelope[peak] for peak in peaks]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -203,3 +204,28 @@ def test_an_open_threshold_is_a_lower_bound_and_no_number_at_its_frequency(tmp_p
     assert 0.6 < nearest.ours < 0.7
     assert nearest.remark.startswith("at least")
     assert row(rows, "threshold at the nearest maximum").ours == 1.4
+
+
+def straight(level: float, slope: float) -> Callable[[np.ndarray], np.ndarray]:
+    """A straight line of points over the excitation frequency."""
+    return lambda f: np.column_stack([f, level + slope * f])
+
+
+@pytest.mark.parametrize("gap", [(0.6, 0.7), (0.645, 0.655)])
+def test_a_tongue_and_ends_that_nearly_meet_are_gaps_of_the_threshold(
+    tmp_path: Path, gap: tuple[float, float]
+) -> None:
+    """Its highest edge is the maximum. In the wide gap period doublings bound the speed."""
+    store = store_of(tmp_path / "a.zarr", [(3.0, 0.2)])
+    write_set(store, "c0")
+    edges = (0.2, gap[0], 1.0, 1.1), (gap[1], 2.0, 1.05, 1.0)
+    for number, (low, high, begin, end) in enumerate(edges):
+        slope = (end - begin) / (high - low)
+        rows = curve_rows(straight(begin - slope * low, slope), (low, high), 12)
+        write_curve(store, f"cases/c0/ns/c{number:03d}", "neimark_sacker", rows)
+    if gap[0] == 0.6:
+        rows = curve_rows(straight(0.9, 0.0), gap, 12)
+        write_curve(store, "cases/c0/pd/c000", "period_doubling", rows)
+    compared = rows_of(store)
+    assert row(compared, "anti-resonance: nearest").ours == pytest.approx(gap[0], abs=2e-3)
+    assert row(compared, "threshold at the nearest maximum").ours == pytest.approx(1.1, abs=2e-3)
