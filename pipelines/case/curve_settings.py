@@ -97,7 +97,7 @@ class BifurcationSet(Table):
     """The search of `agfb run` for all curves of the plane excitation frequency x speed of [track_curves]."""
 
     kinds: tuple[Kind, ...] = table(
-        "kinds of curves that are followed; without `fold` the search is several times faster where films "
+        "kinds of curves that are followed; without `fold` the search is faster where films "
         "touch ambient pressure, but losses of stability by folds are missing",
         ("period_doubling", "neimark_sacker", "fold"),
         min_length=1,

@@ -211,7 +211,7 @@ def _searched(groups: Mapping[str, Attributes], case: Case, curves: There) -> Th
     )
     if more:
         return There.PARTIAL
-    if search is not None and (search["complete"] or search["rounds"] >= case.bifurcation_set.max_rounds):
+    if search is not None and (search["complete"] or search["rounds"] >= table.max_rounds):
         return There.PARTIAL if curves is There.PARTIAL else There.COMPLETE
     begun = search is not None or any(name.startswith("cycles/s") for name in groups)
     return There.PARTIAL if begun else curves
