@@ -395,19 +395,14 @@ def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, 
 
 def _may_dip(segment: CurveSegment, sign: float, before: float, start_slope: float) -> bool:
     """Whether the cubic of 1 -+ kappa through both ends of a segment comes down far enough between them."""
-    length, end = segment.length, segment.end
+    end = segment.end
     after = 1.0 - sign * end.point.kappa
-    falling, rising = -sign * start_slope * length, -sign * end.kappa_slope * length
+    falling, rising = -sign * start_slope, -sign * end.kappa_slope
     if not (before > 0.0 and after > 0.0 and falling < 0.0 < rising):
         return False
-    fractions = np.linspace(0.0, 1.0, 101)
-    cubic = (
-        before * (1.0 + 2.0 * fractions) * (1.0 - fractions) ** 2
-        + falling * fractions * (1.0 - fractions) ** 2
-        + after * fractions**2 * (3.0 - 2.0 * fractions)
-        + rising * fractions**2 * (fractions - 1.0)
-    )
-    return bool(np.min(cubic) <= _DIP * min(before, after))
+    weights = [hermite_weights(fraction, segment.length) for fraction in np.linspace(0.0, 1.0, 101)]
+    lowest = np.min(np.array(weights) @ [before, falling, after, rising])
+    return bool(lowest <= _DIP * min(before, after))
 
 
 def _special_point(
