@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from math import prod
 from pathlib import Path
@@ -76,18 +77,19 @@ def check_chunk_file(path: Path, array: ArrayLayout) -> None:
 
     The announced size is what Blosc allocates, before any checksum is computed.
     """
-    size = regular_file_size(path)
-    if size is None:
+    if regular_file_size(path) is None:
         raise CorruptedError("a chunk is missing", _advice(path), path)
     with path.open("rb") as file:
         header = file.read(_BLOSC_HEADER.size)
+        # of the file that was read: a writer may have put the next one in its place
+        size = os.fstat(file.fileno()).st_size
     expected = prod(array.chunks) * np.dtype(array.spec.dtype).itemsize
     if len(header) < _BLOSC_HEADER.size:
         raise damaged_chunk(path, "too short")
     *_, announced, _, compressed = _BLOSC_HEADER.unpack(header)
     if announced != expected or compressed + _CHECKSUM_BYTES != size:
         raise damaged_chunk(
-            path, f"announces {announced} bytes in {compressed}, expected {expected} in {size - 4}"
+            path, f"announces {announced} bytes in {compressed}, expected {expected} in {size - _CHECKSUM_BYTES}"
         )
 
 

@@ -24,9 +24,9 @@ from pipelines.datasets.errors import (
     OtherConfigurationError,
     StoreError,
 )
-from pipelines.datasets.metadata import encode_group
+from pipelines.datasets.metadata import encode_group, regular_file_size
 from pipelines.datasets.provenance import provenance
-from pipelines.datasets.reading import describe, list_cases, list_groups, read_group
+from pipelines.datasets.reading import describe, list_cases, list_groups, read_branch, read_group
 from pipelines.datasets.store import Store, create_store, move_aside, open_for_reading, open_for_writing
 from tests.helpers.synthetic import GROUP, LEAN, PROVENANCE, extend
 
@@ -269,6 +269,27 @@ def test_a_chunk_that_announces_gigabytes_is_refused(store: Store, branch: Path)
     chunk.write_bytes(header)
     with pytest.raises(CorruptedError, match="announces 2147483584 bytes"):
         read_all(store.path)
+
+
+def test_a_chunk_replaced_while_it_is_looked_at_is_not_damaged(
+    store: Store, branch: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chunk = branch / "state" / "c.0.0"
+    earlier = chunk.read_bytes()
+    with open_branch(store, GROUP, "cycles", LEAN) as writer:
+        extend(writer, 9)
+    later = chunk.read_bytes()
+    assert len(earlier) != len(later), "the sizes tell the files apart"
+
+    def then_the_writer_replaces_it(path: Path) -> int | None:
+        size = regular_file_size(path)
+        if path == chunk:
+            chunk.write_bytes(later)
+        return size
+
+    chunk.write_bytes(earlier)
+    monkeypatch.setattr("pipelines.datasets.chunks.regular_file_size", then_the_writer_replaces_it)
+    assert read_branch(open_for_reading(store.path), GROUP).n_points == 9
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
