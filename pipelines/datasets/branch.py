@@ -16,9 +16,8 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-import zarr
 
-from pipelines.datasets.chunks import open_array, read_array
+from pipelines.datasets.chunks import read_array, write_array, write_chunk
 from pipelines.datasets.durable import make_folder, replace_file, sweep_partials
 from pipelines.datasets.errors import OtherConfigurationError, StoreError
 from pipelines.datasets.layout import ArrayLayout, layout
@@ -144,7 +143,7 @@ class BranchWriter:
         self._events = {
             n: _Column(store, group, a, self.n_events) for n, a in with_role(self.arrays, "event").items()
         }
-        self._slots = {n: open_array(store, group, a) for n, a in with_role(self.arrays, "slot").items()}
+        self._slots = with_role(self.arrays, "slot")
 
     @property
     def n_points(self) -> int:
@@ -173,7 +172,7 @@ class BranchWriter:
         when it raises (OSError: disk full, ...), nothing of it counts and the same commit can be tried again.
         Raises ValueError for data outside the schema and StoreError when the capacity is used up.
         """
-        new_slots = fit_all(with_role(self.arrays, "slot"), slots or {})
+        new_slots = fit_all(self._slots, slots or {})
         self._write([row], new_slots, events)
 
     def extend(self, rows: Sequence[Values], events: Sequence[Values] = ()) -> None:
@@ -190,10 +189,10 @@ class BranchWriter:
         self._check_capacity(len(new_rows), len(new_events))
         for name, column in self._rows.items():
             column.write(self.n_points, [row[name] for row in new_rows])
-        for name, target in self._slots.items():
+        for name, array in self._slots.items():
             # the other slot belongs to the row before, which stays the newest one until the group's metadata
             # change
-            target[self.n_points % 2] = slots[name]
+            write_chunk(self.store, self.group, array, self.n_points % 2, slots[name][np.newaxis])
         for name, column in self._events.items():
             column.write(self.n_events, [event[name] for event in new_events])
         counts = {"n_points": self.n_points + len(new_rows), "n_events": self.n_events + len(new_events)}
@@ -269,7 +268,6 @@ class _Column:
 
     def __init__(self, store: Store, group: str, array: ArrayLayout, count: int) -> None:
         self.array = array
-        self._target: zarr.Array[Any] = open_array(store, group, array)
         self._step = array.chunks[0]
         self._store, self._group = store, group
         self._load(count)
@@ -280,7 +278,7 @@ class _Column:
         self._chunk = self._empty()
         start = self._index * self._step
         if count > start:
-            committed = read_array(self._store, self._group, self.array, start, count, self._target)
+            committed = read_array(self._store, self._group, self.array, start, count)
             self._chunk[: count - start] = committed
 
     def write(self, first: int, rows: Sequence[Array]) -> None:
@@ -302,9 +300,7 @@ class _Column:
         return self._chunk[number - self._index * self._step].copy()
 
     def _flush(self) -> None:
-        start = self._index * self._step
-        stop = min(start + self._step, self.array.shape[0])
-        self._target[start:stop] = self._chunk[: stop - start]
+        write_chunk(self._store, self._group, self.array, self._index, self._chunk)
 
     def _empty(self) -> Array:
         return np.full((self._step, *self.array.row_shape), self.array.spec.fill, dtype=self.array.spec.dtype)
@@ -344,7 +340,7 @@ def _make_array(store: Store, group: str, array: ArrayLayout, content: Array | N
     make_folder(folder, durable=store.durable)
     replace_file(folder / METADATA, encode_array(array), durable=store.durable)
     if content is not None and content.size:
-        open_array(store, group, array)[...] = content
+        write_array(store, group, array, content)
 
 
 def _publish(store: Store, folder: Path, kind: str, attributes: Mapping[str, Any]) -> None:

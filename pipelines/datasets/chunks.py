@@ -1,4 +1,8 @@
-"""Chunks of one array: read only after their files were looked at, so that every failure names a file."""
+"""Chunks of one array: each is one file, encoded here and read through Zarr.
+
+Zarr encodes the same bytes, in its event loop and at several times the cost of writing the file; a commit
+writes thirty small ones. Files are looked at before Zarr reads them, so that every failure names a file.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +12,14 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
+import google_crc32c
 import numpy as np
 import zarr
+from numcodecs.blosc import SHUFFLE, Blosc
 
+from pipelines.datasets.durable import replace_file
 from pipelines.datasets.errors import CorruptedError
-from pipelines.datasets.layout import ArrayLayout
+from pipelines.datasets.layout import BLOSC_LEVEL, ArrayLayout
 from pipelines.datasets.metadata import RECOMPUTE, regular_file_size
 from pipelines.datasets.schema import Array
 from pipelines.datasets.store import Store
@@ -23,22 +30,33 @@ _BLOSC_HEADER = struct.Struct(
 )  # version, version of the compressor, flags, itemsize, bytes, block, compressed
 
 
-def open_array(store: Store, group: str, array: ArrayLayout) -> zarr.Array[Any]:
-    """The Zarr array. Call it for arrays whose metadata were checked."""
-    mode = "r" if store.read_only else "r+"
-    opened = zarr.open_array(store.files, path=f"{group}/{array.spec.name}", mode=mode, zarr_format=3)
-    # chunks of fill values are written too, so that a missing file always means a lost one (open_array itself
-    # ignores a configuration for an array that exists)
-    return opened.with_config({"write_empty_chunks": True})
+def write_chunk(store: Store, group: str, array: ArrayLayout, index: int, rows: Array) -> None:
+    """Replace chunk ``index`` (along the rows) by at most ``array.chunks[0]`` rows and fill values behind.
+    Raises OSError.
+    """
+    content = np.full(array.chunks, array.spec.fill, dtype=np.dtype(array.spec.dtype).newbyteorder("<"))
+    content[: len(rows)] = rows
+    path = store.path / group / array.spec.name / array.chunk_files()[index]
+    replace_file(path, _encode(content), durable=store.durable)
+
+
+def write_array(store: Store, group: str, array: ArrayLayout, content: Array) -> None:
+    """Write all rows of an array. Chunks of fill values are written too: a missing file means a lost one.
+    Raises OSError.
+    """
+    step = array.chunks[0]
+    for index in range(len(array.chunk_files())):
+        write_chunk(store, group, array, index, content[index * step : (index + 1) * step])
+
+
+def _encode(content: Array) -> bytes:
+    """The bytes that the codecs of `pipelines.datasets.layout.array_metadata` make of a chunk."""
+    compressed = bytes(Blosc("zstd", BLOSC_LEVEL, SHUFFLE).encode(content))
+    return compressed + google_crc32c.value(compressed).to_bytes(_CHECKSUM_BYTES, "little")
 
 
 def read_array(
-    store: Store,
-    group: str,
-    array: ArrayLayout,
-    start: int = 0,
-    stop: int | None = None,
-    opened: zarr.Array[Any] | None = None,
+    store: Store, group: str, array: ArrayLayout, start: int = 0, stop: int | None = None
 ) -> Array:
     """Rows ``start`` to ``stop`` (all when None). Raises CorruptedError naming the chunk that is missing or
     damaged.
@@ -48,7 +66,7 @@ def read_array(
     files = array.chunk_files(rows.stop)[rows.start // array.chunks[0] :]
     for name in files:
         check_chunk_file(folder / name, array)
-    target = open_array(store, group, array) if opened is None else opened
+    target = zarr.open_array(store.path, path=f"{group}/{array.spec.name}", mode="r", zarr_format=3)
     try:
         return np.asarray(target[rows])
     except (ValueError, RuntimeError) as error:
@@ -88,9 +106,8 @@ def check_chunk_file(path: Path, array: ArrayLayout) -> None:
         raise damaged_chunk(path, "too short")
     *_, announced, _, compressed = _BLOSC_HEADER.unpack(header)
     if announced != expected or compressed + _CHECKSUM_BYTES != size:
-        raise damaged_chunk(
-            path, f"announces {announced} bytes in {compressed}, expected {expected} in {size - _CHECKSUM_BYTES}"
-        )
+        found = f"announces {announced} bytes in {compressed}"
+        raise damaged_chunk(path, f"{found}, expected {expected} in {size - _CHECKSUM_BYTES}")
 
 
 def _advice(path: Path) -> str:

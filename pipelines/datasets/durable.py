@@ -1,7 +1,7 @@
 """Files that survive: written beside their target, forced to disk, then renamed over it.
 
-Zarr replaces files atomically but never calls fsync, so after a power cut a renamed file may be empty.
-Everything a store writes goes through `replace_file`; `DurableStore` sends Zarr's own writes there.
+After a power cut a file that was renamed but not forced to disk may be empty. Everything a store writes goes
+through `replace_file`.
 """
 
 from __future__ import annotations
@@ -10,9 +10,6 @@ import contextlib
 import errno
 import os
 from pathlib import Path
-
-from zarr.core.buffer import Buffer
-from zarr.storage import LocalStore
 
 PARTIAL = ".partial"
 
@@ -83,28 +80,3 @@ def sweep_partials(folder: Path, *, below: bool = True) -> None:
 def about(error: OSError, path: Path) -> OSError:
     """The same error of the operating system (same errno, same subclass), naming the file it is about."""
     return OSError(error.errno, error.strerror or str(error), str(path))
-
-
-class DurableStore(LocalStore):
-    """Zarr's local store with every write forced to disk (``durable=False`` leaves that to the operating
-    system).
-    """
-
-    def __init__(self, root: Path | str, *, read_only: bool = False, durable: bool = True) -> None:
-        super().__init__(root, read_only=read_only)
-        self.durable = durable
-
-    def with_read_only(self, read_only: bool = False) -> DurableStore:
-        """The same store, read-only or not."""
-        return type(self)(self.root, read_only=read_only, durable=self.durable)
-
-    async def _set(self, key: str, value: Buffer, exclusive: bool = False) -> None:
-        self._check_writable()
-        path = self.root / key
-        # in the thread of Zarr's event loop: a commit writes one file after the other anyway
-        replace_file(path, memoryview(value.as_buffer_like()), durable=self.durable)
-
-    def set_sync(self, key: str, value: Buffer) -> None:
-        """Replace one file (Zarr's synchronous path)."""
-        self._check_writable()
-        replace_file(self.root / key, memoryview(value.as_buffer_like()), durable=self.durable)

@@ -17,6 +17,7 @@ CONVENTIONS = "CF-1.11"
 # read quickly.
 CHUNK_BYTES = 128 * 1024
 CHUNK_ROWS = 512
+BLOSC_LEVEL = 5
 
 # Largest sizes a store may declare. They exist because a few hundred bytes of JSON can ask for any amount of
 # memory.
@@ -109,7 +110,8 @@ def array_metadata(array: ArrayLayout) -> dict[str, Any]:
     """
     spec = array.spec
     itemsize = np.dtype(spec.dtype).itemsize
-    blosc = {"typesize": itemsize, "cname": "zstd", "clevel": 5, "shuffle": "shuffle", "blocksize": 0}
+    blosc: dict[str, Any] = {"typesize": itemsize, "cname": "zstd", "clevel": BLOSC_LEVEL}
+    blosc |= {"shuffle": "shuffle", "blocksize": 0}
     serializer: dict[str, Any] = {"name": "bytes"}
     if itemsize > 1:
         serializer["configuration"] = {"endian": "little"}

@@ -11,13 +11,12 @@ import os
 import shutil
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pipelines.case.identity import differences
 from pipelines.datasets.durable import (
-    DurableStore,
     about,
     make_folder,
     replace_file,
@@ -67,12 +66,6 @@ class Store:
     attributes: Mapping[str, Any]
     read_only: bool
     durable: bool = True
-    files: DurableStore = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "files", DurableStore(self.path, read_only=self.read_only, durable=self.durable)
-        )
 
     def has_group(self, group: str) -> bool:
         """Whether the group exists; a group whose making was interrupted does not."""

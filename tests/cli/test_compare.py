@@ -8,13 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 from typer.testing import CliRunner, Result
 
 from agfb_cli.errors import ExitCode
 from agfb_cli.main import app
-from pipelines.datasets.chunks import open_array
-from pipelines.datasets.metadata import read_group_metadata
-from pipelines.datasets.store import open_for_writing
 from tests.helpers.synthetic import FULL, GROUP, compute
 
 
@@ -27,8 +25,7 @@ def pair(tmp_path: Path) -> tuple[Path, Path]:
     """Two stores that differ in one element of the periods, by about 1e-5 of the largest."""
     compute(tmp_path / "a.zarr", 5, FULL, durable=False)
     shutil.copytree(tmp_path / "a.zarr", tmp_path / "b.zarr")
-    store = open_for_writing(tmp_path / "b.zarr", durable=False)
-    period = open_array(store, GROUP, read_group_metadata(store.path, GROUP).arrays["period"])
+    period = zarr.open_array(tmp_path / "b.zarr" / GROUP / "period", mode="r+")
     period[2] = period[2] + 1e-5 * np.nanmax(period[:])
     return tmp_path / "a.zarr", tmp_path / "b.zarr"
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zarr
 
 from pipelines.datasets.branch import write_group
-from pipelines.datasets.chunks import open_array
 from pipelines.datasets.comparison import (
     GroupComparison,
     Verdict,
@@ -35,7 +35,7 @@ def copy(finished: Path, tmp_path: Path) -> Store:
 
 def change(store: Store, name: str, place: Any, value: Any) -> None:
     """Set (or, with a function, change) elements of an array of the branch."""
-    array = open_array(store, GROUP, read_group_metadata(store.path, GROUP).arrays[name])
+    array = zarr.open_array(store.path / GROUP / name, mode="r+")
     content = array[...]
     content[place] = value(content[place]) if callable(value) else value
     array[...] = content
