@@ -16,6 +16,7 @@ TINY = (
     "numerics.circumferential=16",
     "numerics.axial=1",
     "numerics.max_columns=24",
+    "numerics.multiplier_tolerance=1e-4",
     "linearize.points=7",
     "linearize.speed_range=[0.7, 1.3]",
     "linearize.eigenvalues=6",

@@ -10,15 +10,18 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
+import dask
 import pytest
 from typer.testing import CliRunner
 
 from agfb_cli.main import app
 from pipelines.datasets.integrity import verify
+from pipelines.stages import campaign
 from tests.helpers import forked
 from tests.helpers.cluster import cluster as small_cluster
 from tests.helpers.poison import POISONED
@@ -35,26 +38,7 @@ OVERRIDES = (
 CASES = [f"displacement={value:g}" for value in DISPLACEMENTS]
 WORDS = ["continue", str(CONFIG), "-o", "run.zarr"]
 WORDS += [word for override in OVERRIDES for word in ("--set", override)]
-COMMAND = [sys.executable, "-m", "agfb_cli", *WORDS]
-
-
-def start(folder: Path, *words: str, **variables: str) -> subprocess.Popen[str]:
-    folder.mkdir(exist_ok=True)
-    environment = os.environ | {"PYTHONPATH": str(ROOT)} | variables
-    return subprocess.Popen(
-        [*COMMAND, *words],
-        cwd=folder,
-        env=environment,
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-
-
-def run(folder: Path, *words: str, **variables: str) -> tuple[int, str, str]:
-    process = start(folder, *words, **variables)
-    out, messages = process.communicate(timeout=150)
-    return process.returncode, out, messages
+PAIR = [*WORDS, "--workers", "2"]
 
 
 def points(folder: Path) -> list[int]:
@@ -67,11 +51,19 @@ def points(folder: Path) -> list[int]:
     return found
 
 
-def wait_for(folder: Path, process: subprocess.Popen[str], count: int) -> None:
-    """Until so many points are committed in all."""
-    while sum(points(folder)) < count:
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.01)
+def start(
+    folder: Path, words: Sequence[str], count: int, prelude: Callable[[], None] | None = None
+) -> ForkServerProcess:
+    """A run, after ``prelude()``, that has committed so many points."""
+    process = forked.start(folder, words, prelude)
+    forked.wait_for(lambda: sum(points(folder)) >= count, process)
+    assert process.exitcode is None, forked.messages(folder)
+    return process
+
+
+def finish(folder: Path) -> None:
+    """What is left, in one process."""
+    assert forked.run(folder, WORDS) == 0, forked.messages(folder)
 
 
 def assert_same(first: Path, second: Path) -> None:
@@ -82,15 +74,22 @@ def assert_same(first: Path, second: Path) -> None:
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("alone")
-    code, _, messages = run(folder)
-    assert code == 0, messages
+    finish(folder)
     return folder
 
 
 def test_two_processes_write_the_same_bytes(tmp_path: Path, alone: Path) -> None:
-    code, out, messages = run(tmp_path, "--workers", "2", "--json")
-    assert code == 0, messages
-    results = json.loads(out)["results"]
+    done = subprocess.run(
+        [sys.executable, "-m", "agfb_cli", *PAIR, "--json"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=150,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    results = json.loads(done.stdout)["results"]
     assert sorted(result["case_id"] for result in results) == sorted(CASES)
     assert all(result["seconds"] > 0.0 for result in results)
     assert_same(alone, tmp_path)
@@ -98,48 +97,41 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path, alone: Path) -> None
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_a_stopped_campaign_goes_on(tmp_path: Path, alone: Path, number: int, code: int) -> None:
-    process = start(tmp_path, "--workers", "2")
-    wait_for(tmp_path, process, 2)
-    process.send_signal(number)
-    _, messages = process.communicate(timeout=120)
-    assert process.returncode == code, messages
-    assert "To go on" in messages
-    assert "Traceback" not in messages
+    process = start(tmp_path, PAIR, 2)
+    os.kill(process.pid, number)
+    assert forked.finish(process) == code, forked.messages(tmp_path)
+    assert "To go on" in forked.messages(tmp_path)
+    assert "Traceback" not in forked.messages(tmp_path)
     assert sum(points(tmp_path)) < 5 * len(CASES), "it stopped before the end"
-    assert run(tmp_path, "--workers", "2")[0] == 0
+    finish(tmp_path)
     assert_same(alone, tmp_path)
 
 
 def test_a_killed_driver_leaves_no_worker_and_a_store_that_goes_on(tmp_path: Path, alone: Path) -> None:
-    process = start(tmp_path, "--workers", "2")
-    wait_for(tmp_path, process, 2)
+    process = start(tmp_path, PAIR, 2)
     process.kill()
-    process.communicate(timeout=60)
-    code, _, messages = run_when_free(tmp_path)
-    assert code == 0, messages
-    assert_same(alone, tmp_path)
-
-
-def run_when_free(folder: Path) -> tuple[int, str, str]:
-    """The command again, as soon as the orphaned workers have noticed that their driver is gone."""
+    forked.finish(process)
     end = time.monotonic() + 60.0
-    while True:
-        found = run(folder, "--workers", "2")
-        if "is being written by" not in found[2] or time.monotonic() > end:
-            return found
+    # the orphaned workers notice that their driver is gone, and give their cases free
+    while (code := forked.run(tmp_path, WORDS)) == 4 and time.monotonic() < end:
+        assert "is being written by" in forked.messages(tmp_path)
+    assert code == 0, forked.messages(tmp_path)
+    assert_same(alone, tmp_path)
 
 
 def test_a_case_that_kills_its_process_fails_alone(tmp_path: Path, alone: Path) -> None:
-    preload = str(ROOT / "tests/helpers/poison.py")
-    code, _, messages = run(tmp_path, "--workers", "2", DASK_DISTRIBUTED__WORKER__PRELOAD=preload)
-    assert code == 3, messages
+    assert forked.run(tmp_path, PAIR, poison_workers) == 3, forked.messages(tmp_path)
     why = f"continue-cycles {POISONED}: failed: the process that computed it died 3 times"
-    assert why in messages
+    assert why in forked.messages(tmp_path)
     assert points(tmp_path) == [5 if case != POISONED else 0 for case in CASES]
     assert why in status(tmp_path)
-    assert run(tmp_path, "--workers", "2")[0] == 0, "without the poison"
+    finish(tmp_path)  # without the poison
     assert "failed" not in status(tmp_path)
     assert_same(alone, tmp_path)
+
+
+def poison_workers() -> None:
+    dask.config.set({"distributed.worker.preload": [str(ROOT / "tests/helpers/poison.py")]})
 
 
 def status(folder: Path) -> str:
@@ -176,12 +168,11 @@ def test_a_worker_of_a_cluster_is_killed(
     tmp_path: Path, alone: Path, cluster: tuple[str, list[subprocess.Popen[bytes]]]
 ) -> None:
     address, workers = cluster
-    process = start(tmp_path / "driver", "--scheduler", address)
-    wait_for(tmp_path / "driver", process, random.Random(3).randint(2, 4))
+    folder = tmp_path / "driver"
+    process = start(folder, [*WORDS, "--scheduler", address], random.Random(3).randint(2, 4))
     workers[0].kill()
-    _, messages = process.communicate(timeout=150)
-    assert process.returncode == 0, messages
-    assert_same(alone, tmp_path / "driver")
+    assert forked.finish(process) == 0, forked.messages(folder)
+    assert_same(alone, folder)
 
 
 def test_killed_drivers_and_workers(tmp_path: Path, alone: Path, kills: int) -> None:
@@ -218,17 +209,22 @@ def test_killed_drivers_and_workers(tmp_path: Path, alone: Path, kills: int) -> 
 def test_the_scheduler_dies(tmp_path: Path, alone: Path) -> None:
     folder = tmp_path / "driver"
     with small_cluster(tmp_path, 1) as machines:
-        process = forked.start(folder, [*WORDS, "--scheduler", machines.address])
-        forked.wait_for(lambda: sum(points(folder)) >= 2, process)
+        process = start(folder, [*WORDS, "--scheduler", machines.address], 2, be_impatient)
         machines.scheduler.kill()
         assert forked.finish(process) == 5, forked.messages(folder)
     assert "the connection to the cluster is lost" in forked.messages(folder)
-    assert forked.run(folder, WORDS) == 0, forked.messages(folder)
+    finish(folder)
     assert_same(alone, folder)
 
 
 def test_no_cluster_at_the_address(tmp_path: Path) -> None:
-    code, _, messages = run(tmp_path, "--scheduler", "tcp://127.0.0.1:9")
-    assert code == 5
-    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in messages
-    assert "Traceback" not in messages
+    words = [*WORDS, "--scheduler", "tcp://127.0.0.1:9"]
+    assert forked.run(tmp_path, words, be_impatient) == 5
+    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in forked.messages(tmp_path)
+    assert "Traceback" not in forked.messages(tmp_path)
+
+
+def be_impatient() -> None:
+    """A second, where an absent scheduler is waited for."""
+    campaign._CONNECTION_TIMEOUT = 1
+    dask.config.set({"distributed.comm.timeouts.connect": "1s"})

@@ -142,6 +142,7 @@ def test_from_a_stored_cycle_the_run_stays_on_it(tmp_path, formulation, toleranc
         "continue_cycles.start=1.06",
         "continue_cycles.max_points=2",
         f"continue_cycles.formulation={formulation}",
+        "numerics.multiplier_tolerance=1e-6",
     )
     assert Watched("continue_cycles", tiny_case(*overrides), store).result.ok
     branch = read_group(open_for_reading(store), "cases/smoke/cycles/b000")
