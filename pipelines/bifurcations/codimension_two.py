@@ -16,17 +16,27 @@ R2 removes the pole of b, so that the cosine keeps the product finite.
 
 from __future__ import annotations
 
+import cmath
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from pipelines.bifurcations.critical import Critical
-from pipelines.bifurcations.curve import SpecialKind
+from pipelines.bifurcations.curve import SpecialKind, SpecialPoint
 from pipelines.bifurcations.detection import EventKind, nontrivial, signed_smallest
 from pipelines.bifurcations.normal_forms import NormalForm
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.system import Vector
 
+_MEETING = {
+    SpecialKind.R1: (EventKind.NEIMARK_SACKER, EventKind.FOLD),
+    SpecialKind.R2: (EventKind.NEIMARK_SACKER, EventKind.PERIOD_DOUBLING),
+    SpecialKind.FOLD_FLIP: (EventKind.FOLD, EventKind.PERIOD_DOUBLING),
+    SpecialKind.FOLD_NEIMARK_SACKER: (EventKind.NEIMARK_SACKER, EventKind.FOLD),
+    SpecialKind.FLIP_NEIMARK_SACKER: (EventKind.NEIMARK_SACKER, EventKind.PERIOD_DOUBLING),
+    SpecialKind.DOUBLE_NEIMARK_SACKER: (EventKind.NEIMARK_SACKER, EventKind.NEIMARK_SACKER),
+}
 _REAL = 1e-6  # imaginary part, relative to the modulus, below which a multiplier is taken as real
 _CIRCLE = 1e-5  # distance from the unit circle within which a located pair counts as on it
 _ZERO = 1e-9  # a test function below this is on its special point
@@ -43,6 +53,39 @@ def other_multipliers(kind: EventKind, multipliers: Complex, kappa: float, auton
     for value in critical:
         rest = np.delete(rest, int(np.argmin(np.abs(rest - value))))
     return rest
+
+
+@dataclass(frozen=True)
+class SecondBifurcation:
+    """What becomes critical at a special point beside the multipliers of the curve that it was found on.
+
+    ``kind`` and critical ``angle`` of the curve that it lies on, and the multipliers that are critical on
+    neither, ``others``.
+    """
+
+    kind: EventKind
+    angle: float
+    others: Complex
+
+
+def second_bifurcation(curve: EventKind, special: SpecialPoint, autonomous: bool) -> SecondBifurcation | None:
+    """The bifurcation whose curve meets one of kind ``curve`` in a special point; None where there is none.
+
+    At R1 and R2 the Neimark-Sacker curve ends on the other one, with a pair of critical multipliers in all;
+    elsewhere two curves cross.  R1 of cycles of unknown period is a different resonance and gives None.
+    """
+    if special.kind not in _MEETING or (special.kind is SpecialKind.R1 and autonomous):
+        return None
+    first, last = _MEETING[special.kind]
+    kind = last if curve is first else first
+    if special.kind in (SpecialKind.R1, SpecialKind.R2):
+        pair = other_multipliers(EventKind.NEIMARK_SACKER, special.multipliers, special.kappa, autonomous)
+        return SecondBifurcation(kind, 0.0 if special.kind is SpecialKind.R1 else math.pi, pair)
+    others = other_multipliers(curve, special.multipliers, special.kappa, autonomous)
+    angle = {EventKind.FOLD: 0.0, EventKind.PERIOD_DOUBLING: math.pi}.get(kind)
+    if angle is None:
+        angle = abs(cmath.phase(others[_nearest_pair(others)[0]]))
+    return SecondBifurcation(kind, angle, other_multipliers(kind, others, math.cos(angle), False))
 
 
 def special_tests(
@@ -129,11 +172,17 @@ def genuine(special: SpecialKind, curve: EventKind, others: Complex, kappa: floa
     )
     if not pairs:
         return True
-    first, second = np.triu_indices(len(others), k=1)
-    if len(first) == 0:
+    if len(others) < 2:
         return False
-    value = others[first[np.argmin(np.abs(1.0 - others[first] * others[second]))]]
+    value = others[_nearest_pair(others)[0]]
     return bool(abs(value.imag) > _REAL * abs(value) and abs(abs(value) - 1.0) < _CIRCLE)
+
+
+def _nearest_pair(others: Complex) -> tuple[int, int]:
+    """The two multipliers whose product is nearest to one."""
+    first, second = np.triu_indices(len(others), k=1)
+    nearest = int(np.argmin(np.abs(1.0 - others[first] * others[second])))
+    return int(first[nearest]), int(second[nearest])
 
 
 def resonant_end(kind: EventKind, kappa: float) -> SpecialKind | None:

@@ -158,8 +158,8 @@ def _first_closing(
     # dg vanishes along the curve
     across = first.scaled(g1 / size).plus(second, g2 / size)
     along = first.scaled(-g2 / size).plus(second, g1 / size)
-    sense = float(along.parameters[0]) * options.direction
-    along = along.scaled(-1.0 if sense < 0.0 else 1.0)
+    upwards = -1.0 if along.parameters[0] < 0.0 else 1.0
+    along = along.scaled(upwards * options.direction)
     row, beside = metric.row(along), metric.row(across)
     return Closing(row, row.dot(at.position), beside, beside.scaled(size), metric), frame, along
 

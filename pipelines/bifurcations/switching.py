@@ -1,4 +1,4 @@
-"""From a bifurcation to what starts there: curves in two parameters, doubled cycles, curves joined at R1, R2.
+"""From a bifurcation to what starts there: curves in two parameters, doubled cycles, curves that meet.
 
 At a period doubling with eigenvector v, M v = -v, the cycles of twice the period are
 
@@ -10,13 +10,13 @@ the parameter, <v, s - s_0> = A, which the cycle of the simple period cannot sat
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipelines.bifurcations.branch import BranchStart
-from pipelines.bifurcations.curve import CurveStart, SpecialKind, SpecialPoint
+from pipelines.bifurcations.codimension_two import second_bifurcation
+from pipelines.bifurcations.curve import CurveStart, SpecialPoint
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.orbits.period_map import PeriodMap, PhaseReference
@@ -54,20 +54,17 @@ def curve_from_event(
 
 
 def joined_curve(problem: CurveProblem, special: SpecialPoint) -> tuple[CurveProblem, CurveStart] | None:
-    """The other curve through R1 (fold and Neimark-Sacker) or R2 (period doubling and Neimark-Sacker).
+    """The other curve through a special point of a curve of ``problem``; None where there is none (see
+    `second_bifurcation`).
 
-    A Neimark-Sacker curve leaves the point in one direction, the curve it ends on in two.  None for every
-    other special point, and for R1 of cycles of unknown period, where the resonance is a different one.
+    A Neimark-Sacker curve leaves R1 and R2 in one direction; every other curve goes on in both.
     """
-    partner = {SpecialKind.R1: EventKind.FOLD, SpecialKind.R2: EventKind.PERIOD_DOUBLING}.get(special.kind)
-    if partner is None or (partner is EventKind.FOLD and problem.period_map.autonomous):
+    second = second_bifurcation(problem.kind, special, problem.period_map.autonomous)
+    if second is None:
         return None
-    onto_curve = problem.kind is EventKind.NEIMARK_SACKER
-    kind = partner if onto_curve else EventKind.NEIMARK_SACKER
-    angle = 0.0 if special.kind is SpecialKind.R1 else math.pi
-    first, second = (float(special.parameters[index]) for index in problem.indices)
-    joined = replace(problem, kind=kind, formulation=CurveFormulation.BORDERED)
-    return joined, CurveStart(special.state, (first, second), special.period, angle)
+    first, last = (float(special.parameters[index]) for index in problem.indices)
+    joined = replace(problem, kind=second.kind, formulation=CurveFormulation.BORDERED)
+    return joined, CurveStart(special.state, (first, last), special.period, second.angle)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """Where curves can start, and which of these starts comes next.
 
-At the bifurcations of all branches of cycles that have ended, and where a curve joins a stored one of another
-kind (period doubling and Neimark-Sacker at R2, fold and Neimark-Sacker at R1).  Starts are taken in the order
-of their groups; each is compared with the curves traced before it.
+At the bifurcations of all branches of cycles that have ended, and at the special points of stored curves
+where another curve meets them: at R1 and R2 a Neimark-Sacker curve ends on it, elsewhere a second
+bifurcation happens at the same parameters.  Starts are taken in the order of their groups; each is compared
+with the curves traced before it.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from enum import Enum
 
 import numpy as np
 
-from pipelines.bifurcations.codimension_two import other_multipliers, resonant_end
+from pipelines.bifurcations.codimension_two import other_multipliers, resonant_end, second_bifurcation
 from pipelines.bifurcations.curve import CurveStart, CurveStop
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
@@ -30,11 +31,6 @@ from pipelines.stages.job import Job, Origin
 
 WANTING_POINTS = CurveStop.MAXIMUM_POINTS.name.lower()
 BOTH_WAYS = (1, -1)
-JOINS = {
-    EventKind.PERIOD_DOUBLING: (EventKind.NEIMARK_SACKER,),
-    EventKind.NEIMARK_SACKER: (EventKind.PERIOD_DOUBLING, EventKind.FOLD),
-    EventKind.FOLD: (EventKind.NEIMARK_SACKER,),
-}
 
 
 @dataclass(frozen=True)
@@ -134,7 +130,9 @@ def is_whole(start: Start, curve: Group) -> bool:
 
 
 def starts_of(job: Job, kind: EventKind) -> Iterator[Start]:
-    """Every bifurcation of the kind that was located on a branch, then every special point that it joins."""
+    """Every bifurcation of the kind located on a branch, then every special point in which a curve of the
+    kind meets a stored one.
+    """
     flag = KINDS["cycles"].array("event_kind").flag(kind.name.lower())
     for group in job.groups("cycles"):
         branch = job.read(group, EVENT_NAMES)
@@ -143,8 +141,8 @@ def starts_of(job: Job, kind: EventKind) -> Iterator[Start]:
         for index in range(branch.n_events):
             if branch["event_kind"][index] == flag and np.isfinite(branch["event_residual"][index]):
                 yield _start_at_event(job, branch, Origin(group, index))
-    for other in JOINS[kind]:
-        for group in job.groups(CONTAINERS[other]):
+    for other, container in CONTAINERS.items():
+        for group in job.groups(container):
             yield from _starts_on_curve(job, kind, other, group)
 
 
@@ -169,13 +167,12 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
         if not np.isfinite(curve["event_residual"][index]):
             continue
         special = stored_special(curve, index)
-        joined = joined_curve(curve_problem(job, other, turns, special.parameters), special)
-        if joined is not None and joined[0].kind is kind:
-            # at a strong resonance the critical multipliers are a pair, whatever the curve
-            others = other_multipliers(
-                EventKind.NEIMARK_SACKER, special.multipliers, special.kappa, joined[0].period_map.autonomous
-            )
-            yield Start(Origin(group, index), joined[0], joined[1], turns, unstable_count(others, False) == 0)
+        problem = curve_problem(job, other, turns, special.parameters)
+        second = second_bifurcation(other, special, problem.period_map.autonomous)
+        joined = joined_curve(problem, special)
+        if second is not None and joined is not None and second.kind is kind:
+            bounds = unstable_count(second.others, False) == 0
+            yield Start(Origin(group, index), joined[0], joined[1], turns, bounds)
 
 
 def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:

@@ -257,8 +257,8 @@ def set_cautions(searched: dict[str, Any] | Any) -> list[str]:
         told.append("folds were not followed (bifurcation_set.kinds): stability may be lost by one before")
     if searched.get("boundaries", False):
         told.append(
-            "only curves were followed that bound stable cycles where a branch meets them "
-            "(bifurcation_set.boundaries): others may do so between the branches"
+            "only curves were followed that bound stable cycles where a branch or a followed curve meets them "
+            "(bifurcation_set.boundaries): others may do so elsewhere"
         )
     return told
 

@@ -150,6 +150,16 @@ def test_two_critical_events_at_once(name: str, kind, second: float, expected: S
     run = trace(problem, begin, CurveOptions(((second - 0.1, second + 0.1), (-1.0, 1.0)), step=0.05))
     assert kinds(run) == [expected]
     assert run.specials[0].parameters[2] == pytest.approx(second, abs=1e-8)
+    # the curve of the second event crosses there, at its own parameter whatever that of the first is
+    joined = joined_curve(problem, run.specials[0])
+    assert joined is not None
+    for direction in (1, -1):
+        crossing = trace(
+            *joined, CurveOptions(((second - 0.1, second + 0.1), (-0.1, 0.05)), direction=direction)
+        )
+        assert crossing.result.stop is CurveStop.RANGE
+        np.testing.assert_allclose(crossing.parameters[:, 0], second, rtol=0, atol=1e-8)
+        assert kinds(crossing) == []
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from pipelines.datasets.store import open_for_reading
 from pipelines.stages.bifurcation_set import Line, covered, lines_of_round, lowest_speed
 from pipelines.stages.curve_rows import CONTAINERS, traced
 from pipelines.stages.curve_starts import Fate, next_start, starts_of
-from pipelines.stages.job import Job
+from pipelines.stages.job import Job, Origin
 from pipelines.stages.operating_range import set_cautions
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
@@ -185,3 +185,34 @@ def test_only_what_bounds_stable_cycles_may_be_followed(tmp_path: Path) -> None:
     following = next_start(at, (kind,), beyond, boundaries=False)
     assert following is not None
     assert following.start.origin == starts[1].origin
+
+
+def test_a_curve_that_no_line_meets_starts_where_a_followed_one_crosses_it(tmp_path: Path) -> None:
+    """A tongue of period doublings rises over the line of Neimark-Sacker points, which lies above the only
+    branch of the search.
+    """
+    plane = ("excitation.displacement=0.05", "track_curves.ranges=[[0.905, 0.945], [1.07, 1.09]]")
+    search = (
+        "kinds=['period_doubling', 'neimark_sacker']",
+        "max_rounds=1",
+        "frequencies=0",
+        "boundaries=true",
+    )
+    overrides = (*plane, *(f"bifurcation_set.{setting}" for setting in search))
+    path = tmp_path / "a.zarr"
+    assert Watched("bifurcation_set", tiny_case(*WINDOW, *overrides), path).result.ok
+    at = job(path, *overrides)
+    assert set(at.read("cycles/s000").labels("event_kind")) == {"period_doubling"}
+    line = [at.read(name) for name in at.groups("ns")]
+    assert [curve.attributes["half"] for curve in line] == [0, 1]
+    assert [curve.attributes["stop_reason"] for curve in line] == ["range", "range"]
+    origin = Origin.of(line[0].attributes)
+    assert origin is not None
+    tongue = at.read(origin.group)
+    assert tongue.attributes["bifurcation"] == "period_doubling"
+    assert tongue.labels("event_kind")[origin.event] == "flip_neimark_sacker"
+    for name in NAMES:
+        assert line[0][name][0] == pytest.approx(tongue[f"event_{name}"][origin.event], abs=1e-5)
+    # the other side of the tongue crosses the same line, which is followed once
+    crossings = [label for curve in line for label in curve.labels("event_kind")]
+    assert crossings.count("flip_neimark_sacker") == 2
