@@ -257,7 +257,7 @@ def set_cautions(searched: dict[str, Any] | Any) -> list[str]:
         told.append("folds were not followed (bifurcation_set.kinds): stability may be lost by one before")
     if searched.get("boundaries", False):
         told.append(
-            "only curves were followed that bound stable cycles where a branch or a followed curve meets them "
+            "only curves were followed that bound stable cycles where a branch or a curve meets them "
             "(bifurcation_set.boundaries): others may do so elsewhere"
         )
     return told
