@@ -9,8 +9,9 @@ import pytest
 from matplotlib.collections import QuadMesh
 
 from pipelines.datasets.reading import read_group
+from pipelines.figures.case_tables import RUNS
 from pipelines.figures.contents import MissingDataError, Table
-from pipelines.figures.drawing import draw_figures
+from pipelines.figures.drawing import FIGURE_KINDS, draw_figures
 from pipelines.figures.response_envelope import comparable, draw_envelope, draw_unbalance
 from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_spectrum, draw_waterfall
 from pipelines.figures.runs import RUN_ARRAYS, RunView
@@ -194,7 +195,7 @@ def test_heading_and_panels_keep_apart(view, runs, moving):
 def test_files_of_every_run(tmp_path):
     synthetic_store.make_store(tmp_path / "store", 3, parts=("machine", "runs"))
     said = []
-    kinds = ("envelope", "unbalance", "waterfall", "spectrum", "poincare", "modal-energy")
+    kinds = [kind for kind, group in FIGURE_KINDS.items() if group == RUNS]
     written = draw_figures(tmp_path / "store", tmp_path / "figures", kinds=kinds, report=said.append)
     each = [f"{kind}-t00{n}.png" for kind in kinds if kind != "unbalance" for n in range(3)]
     assert {path.name for path in written} == {*each, "unbalance.png"}
