@@ -1,7 +1,7 @@
 """Chunks of one array: each is one file, encoded here and read through Zarr.
 
-Zarr encodes the same bytes, in its event loop and at several times the cost of writing the file; a commit
-writes thirty small ones. Files are looked at before Zarr reads them, so that every failure names a file.
+Zarr writes the same bytes, through its event loop and in four times the time; a commit has some forty small
+files. They are looked at before Zarr reads them, so that every failure names a file.
 """
 
 from __future__ import annotations

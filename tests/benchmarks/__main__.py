@@ -12,6 +12,7 @@ from tests.benchmarks.arithmetic import solve_arithmetic
 from tests.benchmarks.brusselator import brusselator
 from tests.benchmarks.campaign import campaign
 from tests.benchmarks.cold_start import cold_start
+from tests.benchmarks.commits import commits
 from tests.benchmarks.curves import curve_point
 from tests.benchmarks.cycles import branch_point, full_monodromy, growth, tangent_batch
 from tests.benchmarks.instability import backward_error
@@ -30,6 +31,7 @@ ENTRIES: dict[str, Callable[[Settings], list[Measurement]]] = {
     "growth_exponent": growth,
     "curve_point_ratio": curve_point,
     "transient_steps_ratio": transient_steps,
+    "commit_ratio": commits,
     "campaign_ratio": campaign,
     "peak_memory": peak_memory,
     "arithmetic": solve_arithmetic,
