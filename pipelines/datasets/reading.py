@@ -74,6 +74,15 @@ def read_group(store: Store, group: str, names: Sequence[str] | None = None) -> 
     return Group(group, metadata.kind, metadata.attributes, arrays, slots)
 
 
+def metadata_stamp(store: Store, group: str) -> tuple[int, int, int] | None:
+    """What differs after every commit, which replaces the group's ``zarr.json``; None where there is none."""
+    try:
+        status = (group_folder(store.path, group) / METADATA).stat()
+    except FileNotFoundError:
+        return None
+    return status.st_ino, status.st_mtime_ns, status.st_size
+
+
 def read_branch(store: Store, group: str, names: Sequence[str] | None = None) -> Group:
     """A group with rows (see `read_group`). Raises ValueError for other groups."""
     branch = read_group(store, group, names)

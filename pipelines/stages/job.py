@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipelines.case.reading import NamedCase
-from pipelines.datasets.reading import list_groups, read_group
+from pipelines.datasets.reading import list_groups, metadata_stamp, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine
@@ -24,6 +24,9 @@ class Job:
     store: Store
     report: Report
     should_stop: ShouldStop
+    _read: dict[tuple[str, tuple[str, ...] | None], tuple[object, Group]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @classmethod
     def of(
@@ -42,8 +45,13 @@ class Job:
         return f"cases/{self.case.case_id}/{group}"
 
     def read(self, group: str, names: Sequence[str] | None = None) -> Group:
-        """One of the case's groups."""
-        return read_group(self.store, self.path(group), names)
+        """One of the case's groups, read again when something was committed to it since."""
+        key = group, None if names is None else tuple(names)
+        stamp = metadata_stamp(self.store, self.path(group))
+        known = self._read.get(key)
+        if known is None or known[0] != stamp:
+            known = self._read[key] = stamp, read_group(self.store, self.path(group), names)
+        return known[1]
 
     def groups(self, *containers: str) -> list[str]:
         """The case's groups within containers such as cycles, pd or ns, sorted by name."""
