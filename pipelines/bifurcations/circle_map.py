@@ -135,6 +135,6 @@ class PeriodCircle:
         if with_parameter:
             asked = (self.period_map.parameter_column(self.index, parameters),)
         period = self.period_map.period(parameters)
-        image = self.period_map.evaluate(state, parameters, period, self.steps, columns, asked)
+        image = self.period_map.evaluate(state, parameters, period, self.steps, columns, asked, once=True)
         slope = image.inhomogeneous[:, 0] if with_parameter else np.zeros(self.size)
         return CircleImage(image.state, image.columns, np.ascontiguousarray(slope), image.finite)

@@ -188,7 +188,7 @@ class _Differences:
 
     def _beside(self, distance: float, columns: Matrix) -> Matrix:
         way = Position(self.direction, 0.0, np.zeros(2))
-        return self.at.beside(way, distance).tangent(columns).columns
+        return self.at.beside(way, distance).tangent(columns, once=True).columns
 
 
 def _solve(linear: SurfaceLinearisation, value: complex, columns: Complex) -> Complex:

@@ -177,15 +177,17 @@ class MapAt:
             inhomogeneous.append(Inhomogeneity(period_rate=1.0))
         return self._evaluate(columns, tuple(inhomogeneous))
 
-    def tangent(self, columns: Matrix, period_column: bool = False) -> PeriodImage:
-        """M columns, and phi_T when asked for."""
-        return self._evaluate(columns, (Inhomogeneity(period_rate=1.0),) if period_column else ())
+    def tangent(self, columns: Matrix, period_column: bool = False, once: bool = False) -> PeriodImage:
+        """M columns, and phi_T when asked for; ``once`` as in `PeriodMap.evaluate`."""
+        return self._evaluate(columns, (Inhomogeneity(period_rate=1.0),) if period_column else (), once)
 
     def beside(self, direction: Position, distance: float) -> MapAt:
         """The map at position + distance direction, with the period of the forcing there."""
         return replace(self, position=self.problem.consistent(self.position.plus(direction, distance)))
 
-    def _evaluate(self, columns: Matrix, inhomogeneous: tuple[Inhomogeneity, ...]) -> PeriodImage:
+    def _evaluate(
+        self, columns: Matrix, inhomogeneous: tuple[Inhomogeneity, ...], once: bool = False
+    ) -> PeriodImage:
         position = self.position
         return self.problem.period_map.evaluate(
             position.state,
@@ -195,6 +197,7 @@ class MapAt:
             columns,
             inhomogeneous,
             self.reference,
+            once,
         )
 
 
@@ -215,7 +218,7 @@ def map_slopes(
         )
         distance = _SHIFT * max(1.0, float(np.max(np.abs(at.position.state)))) / largest
         sides = [
-            at.beside(direction, side * distance).tangent(columns, weights is not None)
+            at.beside(direction, side * distance).tangent(columns, weights is not None, once=True)
             for side in (1.0, -1.0)
         ]
         images = [_weighted(image, weights) for image in sides]

@@ -198,13 +198,18 @@ def _solve_columns(
     _add_inhomogeneous(system, phase, stage, weight, growth, slope, trial, stages)
     _phase_slope(system, phase, stage, trial, phase_slope)
     for chunk in range(lines.shape[0]):
-        own, slopes = stages[chunk], line_slopes[chunk, i]
+        own = stages[chunk]
         if oscillator >= 0:
             _oscillator_lines(stage, weight, parameters[oscillator], phase_slope, own)
         solve(factors, constants, layout, work, own[: n * LINE])
-        per_weight = 1.0 / weight
-        for k in range(own.shape[0]):
-            slopes[k] = (own[k] - slopes[k]) * per_weight
+        _slopes_of(own, 1.0 / weight, line_slopes[chunk, i])
+
+
+@njit(cache=True)
+def _slopes_of(stage, per_weight, slopes):  # type: ignore[no-untyped-def]
+    """K' = (Y - R') / weight, where ``slopes`` holds R'."""
+    for k in range(stage.shape[0]):
+        slopes[k] = (stage[k] - slopes[k]) * per_weight
 
 
 @njit(cache=True)
@@ -262,14 +267,14 @@ def workspace_sizes(size: int, chunks: int, stages: int) -> tuple[int, int]:
     types.int64(
         RATES_POINTER, TANGENT_POINTER, FACTORISE_POINTER, SOLVE_POINTER, _MATRIX, _VECTOR, _MATRIX,
         _INT, _FLOAT, _FLOAT, _INT, _VECTOR, _VECTOR, _INTEGERS, _VECTOR, _VECTOR, _VECTOR, _MATRIX,
-        _INTEGERS, _VECTOR, _MATRIX, _MATRIX, _VECTOR, _VECTOR, _VECTOR,
+        _INTEGERS, _VECTOR, _MATRIX, _MATRIX, _VECTOR, _VECTOR, _VECTOR, _MATRIX,
     ),
     cache=True,
 )  # fmt: skip
 def propagate_implicit(  # type: ignore[no-untyped-def]
     rates, tangent, factorise, solve, a, c, predictor,
     steps, turn, period, oscillator, parameters, constants, layout, work, factors, state, lines,
-    column_parameter, column_period, samples, gradient, functional, orbit_space, column_space,
+    column_parameter, column_period, samples, gradient, functional, orbit_space, column_space, kept,
 ):  # fmt: skip
     """Advance ``state`` (size,) and ``lines`` (chunks, size * LINE) in place over one period; -1, or the step
     that failed.
@@ -277,8 +282,9 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
     ``predictor`` (stages, 2 stages): weights of the slopes of the last step and of this one that
     extrapolate to each stage.  ``samples`` (K, size) receives the orbit at tau1 = k / K, interpolated
     within the steps by cubic Hermite polynomials; the functional (1 + columns) is summed there too.
-    ``column_parameter`` and ``column_period`` may be shorter than the columns.  Everything else as in
-    ``propagation.propagate``.
+    ``column_parameter`` and ``column_period`` may be shorter than the columns.  ``kept`` (steps
+    (stages - 1), len(factors)), or without rows, receives the factors with which the columns were solved.
+    Everything else as in ``propagation.propagate``.
     """
     n, stages, chunks = state.shape[0], a.shape[0], lines.shape[0]
     h, base, width = period / steps, _base_size(state, oscillator), n * LINE
@@ -333,6 +339,8 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
                     system, (a, h), growth, i, phase, factors, lines, line_slopes, line_stages, stage,
                     current[i], (trial, phase_slope),
                 )  # fmt: skip
+                if kept.shape[0] > 0:
+                    kept[step * (stages - 1) + i - 1] = factors
         while sample < samples.shape[0] and sample * steps < (step + 1) * samples.shape[0]:
             weights = _hermite(sample * steps / samples.shape[0] - step, h)
             for k in range(n):
@@ -348,3 +356,55 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
         for chunk in range(chunks):
             lines[chunk] = line_stages[chunk]
     return -1
+
+
+@njit(
+    types.void(
+        RATES_POINTER, TANGENT_POINTER, FACTORISE_POINTER, SOLVE_POINTER, _MATRIX, _INT, _FLOAT, _VECTOR,
+        _VECTOR, _INTEGERS, _VECTOR, _MATRIX, _VECTOR, _MATRIX, _MATRIX, _MATRIX, _VECTOR, _VECTOR, _VECTOR,
+    ),
+    cache=True,
+)  # fmt: skip
+def propagate_columns(  # type: ignore[no-untyped-def]
+    rates, tangent, factorise, solve, a, steps, period, parameters, constants, layout, work, kept, state,
+    lines, samples, gradient, functional, orbit_space, column_space,
+):  # fmt: skip
+    """Advance ``lines`` over one period along the orbit through ``state`` that ``kept`` and ``samples`` are
+    of, for systems without the oscillator: one solve per stage and chunk, with the same bits as in
+    ``propagate_implicit``.
+    """
+    n, stages, chunks = state.shape[0], a.shape[0], lines.shape[0]
+    h, width = period / steps, n * LINE
+    system = (parameters, constants, layout, work, -1, rates, tangent, factorise, solve)
+    growth = (np.zeros(0, dtype=np.int64), np.zeros(0), period)
+    slope, trial, phase_slope = orbit_space[:n], orbit_space[n : 2 * n], orbit_space[2 * n : 3 * n]
+    end = chunks * stages * width
+    line_slopes = column_space[:end].reshape((chunks, stages, width))
+    line_stages = column_space[end : end + chunks * width].reshape((chunks, width))
+    functional[:] = 0.0
+
+    _starting_lines(system, growth, 0.0, state, slope, lines, line_stages, (trial, phase_slope))
+    for chunk in range(chunks):
+        line_slopes[chunk, stages - 1] = line_stages[chunk]
+    sample = 0
+    for step in range(steps):
+        for chunk in range(chunks):
+            line_slopes[chunk, 0] = line_slopes[chunk, stages - 1]
+        for i in range(1, stages):
+            factors = kept[step * (stages - 1) + i - 1]
+            for chunk in range(chunks):
+                own, slopes = line_stages[chunk], line_slopes[chunk, i]
+                combine(slopes, lines[chunk], h, a[i], i, line_slopes[chunk])
+                own[:] = slopes
+                solve(factors, constants, layout, work, own)
+                _slopes_of(own, 1.0 / (h * a[i, i]), slopes)
+        while sample < samples.shape[0] and sample * steps < (step + 1) * samples.shape[0]:
+            if gradient.shape[0] > 0:
+                weights = _hermite(sample * steps / samples.shape[0] - step, h)
+                share, gradient_here = 1.0 / gradient.shape[0], gradient[sample]
+                for k in range(n):
+                    functional[0] += share * gradient_here[k] * samples[sample, k]
+                _accumulate(weights, gradient_here, share, lines, line_slopes, line_stages, functional)
+            sample += 1
+        for chunk in range(chunks):
+            lines[chunk] = line_stages[chunk]

@@ -7,19 +7,20 @@ Autonomous formulation: T is unknown; a forced system is extended by the oscilla
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.machine.lines import LINE
-from pipelines.orbits.implicit import aligned, propagate_implicit, workspace_sizes
+from pipelines.orbits.implicit import aligned, propagate_columns, propagate_implicit, workspace_sizes
 from pipelines.orbits.propagation import propagate, workspace_size
 from pipelines.orbits.steppers import RK4, ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector
 
 _BLOCK_COLUMNS = 64  # columns per pass of a wide block: bounds the scratch memory
+_KEPT_BYTES = 256 * 1024**2  # of factors that are kept for further passes along the same orbit
 _POWER_PHASES = 8  # phases at which the spectral radius is sampled
 _FIRST_POWER_STEPS = 60
 _POWER_STEPS = 15
@@ -90,6 +91,32 @@ class _Run:
     column_period: Vector
 
 
+@dataclass
+class _KeptOrbit:
+    """The last orbit along which columns were propagated, with the factors of every stage (stages, factors).
+
+    Picard sweeps send block after block through the same orbit: with these a block costs its solves only.
+    """
+
+    place: tuple[Vector, Vector, float, int] | None = None
+    factors: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
+    end: Vector = field(default_factory=lambda: np.zeros(0))
+    samples: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def is_at(self, state: Vector, parameters: Vector, period: float, steps: int) -> bool:
+        """Whether it starts there, to the last bit."""
+        if self.place is None or self.place[2:] != (period, steps):
+            return False
+        return np.array_equal(self.place[0], state) and np.array_equal(self.place[1], parameters)
+
+    def space(self, rows: int, size: int) -> Matrix:
+        """Where the factors of another orbit go; what was there is lost."""
+        self.place = None
+        if self.factors.shape != (rows, size):
+            self.factors = np.empty((rows, size))
+        return self.factors
+
+
 @dataclass(frozen=True)
 class PeriodMap:
     """One period of a system with one stepper.
@@ -107,6 +134,7 @@ class PeriodMap:
     samples: int = 64
     minimum_steps: int = 128
     steps_per_period: int | None = None
+    _kept: _KeptOrbit = field(default_factory=_KeptOrbit, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.formulation is Formulation.STROBOSCOPIC and self.system.forcing is None:
@@ -164,11 +192,14 @@ class PeriodMap:
         columns: Matrix | None = None,
         inhomogeneous: tuple[Inhomogeneity, ...] = (),
         reference: PhaseReference | None = None,
+        once: bool = False,
     ) -> PeriodImage:
         """phi(state), M @ columns, the inhomogeneous columns and the phase condition in one pass.
 
-        With an explicit stepper ``steps`` must be a multiple of ``samples`` (``steps_for`` returns such
-        numbers); ValueError otherwise.
+        With an implicit stepper further columns through the same state, parameters and steps cost a fraction
+        of the first pass; ``once`` tells that none will follow, so that another orbit stays the kept one.
+        With an explicit one ``steps`` must be a multiple of ``samples`` (``steps_for`` returns such numbers);
+        ValueError otherwise.
         """
         size, given = self.size, 0 if columns is None else columns.shape[1]
         width = given + len(inhomogeneous)
@@ -185,9 +216,14 @@ class PeriodMap:
             np.array(state, dtype=float), block, np.empty((self.samples, size)), np.zeros(1 + width),
             np.zeros((0, size)) if reference is None else reference.gradient, column_parameter, column_period,
         )  # fmt: skip
-        advance = self._implicit if isinstance(self.stepper, ImplicitStepper) else self._explicit
+        own = np.array(parameters, dtype=float)
         with np.errstate(all="ignore"):
-            failed = advance(run, np.array(parameters, dtype=float), period, steps)
+            if not isinstance(self.stepper, ImplicitStepper):
+                failed = self._explicit(run, own, period, steps)
+            elif given > 0 and not inhomogeneous and self._kept.is_at(run.state, own, period, steps):
+                failed = self._along_kept(run, own, period, steps)
+            else:
+                failed = self._implicit(run, own, period, steps, once)
         block = run.block
         return PeriodImage(
             state=run.state,
@@ -216,32 +252,48 @@ class PeriodMap:
             run.column_parameter, run.column_period, run.orbit, run.gradient, run.functional, space,
         ))  # fmt: skip
 
-    def _implicit(self, run: _Run, parameters: Vector, period: float, steps: int) -> int:
+    def _implicit(self, run: _Run, parameters: Vector, period: float, steps: int, once: bool) -> int:
         """The same with a diagonally implicit stepper, which wants the columns in chunks of LINE."""
         system, stepper = self.system, self.stepper
         assert isinstance(stepper, ImplicitStepper)
         assert system.shifted is not None
-        size, width = run.block.shape
-        chunks = -(-width // LINE)
-        padded = np.zeros((size, chunks * LINE))
-        padded[:, :width] = run.block
-        lines = aligned(chunks * size * LINE).reshape(chunks, size * LINE)
-        lines[:] = padded.reshape(size, chunks, LINE).swapaxes(0, 1).reshape(chunks, size * LINE)
-        functional = np.zeros(1 + chunks * LINE)
+        lines, functional, start = _chunked(run.block), _functional(run.block), run.state.copy()
+        orbit_space, column_space = map(aligned, workspace_sizes(start.size, len(lines), stepper.stages))
+        rows, size = steps * (stepper.stages - 1), system.shifted.factors_size
+        keeps = len(lines) > 0 and not (once or self.extended) and 8 * rows * size <= _KEPT_BYTES
         failed = propagate_implicit(
             system.rates, system.tangent, system.shifted.factorise, system.shifted.solve,
             stepper.a, stepper.c, stepper.predictor,
             steps, 2.0 * math.pi * self.turns, period, system.forcing if self.extended else -1,
             parameters, system.constants, system.layout, aligned(system.work_size),
-            aligned(system.shifted.factors_size), run.state, lines,
+            aligned(size), run.state, lines,
             run.column_parameter, run.column_period, run.orbit, run.gradient, functional,
-            *map(aligned, workspace_sizes(size, chunks, stepper.stages)),
+            orbit_space, column_space, self._kept.space(rows, size) if keeps else np.zeros((0, size)),
         )  # fmt: skip
-        run.block[:] = (
-            lines.reshape(chunks, size, LINE).swapaxes(0, 1).reshape(size, chunks * LINE)[:, :width]
-        )
-        run.functional[:] = functional[: 1 + width]
+        if keeps and failed < 0:
+            self._kept.place = start, parameters.copy(), period, steps
+            self._kept.end, self._kept.samples = run.state.copy(), run.orbit.copy()
+        _take(run, lines, functional)
         return int(failed)
+
+    def _along_kept(self, run: _Run, parameters: Vector, period: float, steps: int) -> int:
+        """The same along the orbit that was kept."""
+        system, stepper, kept = self.system, self.stepper, self._kept
+        assert isinstance(stepper, ImplicitStepper)
+        assert system.shifted is not None
+        lines, functional = _chunked(run.block), _functional(run.block)
+        sizes = workspace_sizes(run.state.size, len(lines), stepper.stages)
+        orbit_space, column_space = map(aligned, sizes)
+        run.orbit[:] = kept.samples
+        propagate_columns(
+            system.rates, system.tangent, system.shifted.factorise, system.shifted.solve,
+            stepper.a, steps, period, parameters, system.constants, system.layout,
+            aligned(system.work_size), kept.factors, run.state, lines, run.orbit, run.gradient, functional,
+            orbit_space, column_space,
+        )  # fmt: skip
+        run.state[:] = kept.end
+        _take(run, lines, functional)
+        return -1
 
     def monodromy_columns(
         self, state: Vector, parameters: Vector, period: float, steps: int, columns: Matrix
@@ -311,3 +363,26 @@ class PeriodMap:
         if isinstance(self.stepper, ImplicitStepper):
             return math.ceil(steps)
         return self.samples * math.ceil(steps / self.samples)
+
+
+def _chunked(block: Matrix) -> Matrix:
+    """Columns (size, m) in chunks of LINE, (chunks, size * LINE), the last one filled up with zeros."""
+    size, width = block.shape
+    chunks = -(-width // LINE)
+    padded = np.zeros((size, chunks * LINE))
+    padded[:, :width] = block
+    lines = aligned(chunks * size * LINE).reshape(chunks, size * LINE)
+    lines[:] = padded.reshape(size, chunks, LINE).swapaxes(0, 1).reshape(chunks, size * LINE)
+    return lines
+
+
+def _functional(block: Matrix) -> Vector:
+    """Room for the functional of the orbit and of every column in chunks."""
+    return np.zeros(1 + -(-block.shape[1] // LINE) * LINE)
+
+
+def _take(run: _Run, lines: Matrix, functional: Vector) -> None:
+    """The columns of chunks, and the functional, back into a run."""
+    chunks, (size, width) = len(lines), run.block.shape
+    run.block[:] = lines.reshape(chunks, size, LINE).swapaxes(0, 1).reshape(size, chunks * LINE)[:, :width]
+    run.functional[:] = functional[: 1 + width]

@@ -84,7 +84,7 @@ def demand_at(
     if not isinstance(stepper, ImplicitStepper):
         return StepDemand(_stable_steps(period_map, image.orbit, parameters, period), math.nan)
     half = max(1, steps // 2)
-    coarse = period_map.evaluate(state, parameters, period, half, basis)
+    coarse = period_map.evaluate(state, parameters, period, half, basis, once=True)
     if not coarse.finite:
         return StepDemand(min(2 * steps, _ENOUGH * period_map.turns), math.inf)
     fine = basis.T @ image.columns[:, : basis.shape[1]]

@@ -115,7 +115,7 @@ class UnbalancedMap:
             index = self.period_map.system.parameter_index(parameter)
             asked.append(self.period_map.parameter_column(index, parameters))
         image = self.period_map.evaluate(
-            state, parameters, self.period, self.steps, columns, inhomogeneous=tuple(asked)
+            state, parameters, self.period, self.steps, columns, tuple(asked), once=True
         )
         return UnbalancedImage(
             image.state,

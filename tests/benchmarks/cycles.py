@@ -36,6 +36,7 @@ from tests.machines import case
 
 Array = NDArray[np.float64]
 
+SWEPT_COLUMNS = 5  # of a Picard sweep
 SPEED = 1.1  # the cycle is stable, with the Neimark-Sacker point ahead
 NEXT_SPEED = 1.12
 
@@ -81,12 +82,12 @@ def tangent_batch(settings: Settings) -> list[Measurement]:
     found: list[Measurement] = []
     for stepper, suffix in (("esdirk5", ""), ("rk4", "_rk4")):
         start = prepared(settings.default_grid, stepper)
-        cycle, period_map = start.cycle(), start.problem.period_map
+        cycle, period_map = start.cycle(), replace(start.problem.period_map)  # with no orbit kept
         block = deterministic_block(period_map.size, settings.columns)
 
         def run(block: Array | None, cycle: Cycle = cycle, period_map: PeriodMap = period_map) -> PeriodImage:
             at = cycle.unknowns
-            return period_map.evaluate(at.state, cycle.parameters, at.period, cycle.steps, block)
+            return period_map.evaluate(at.state, cycle.parameters, at.period, cycle.steps, block, once=True)
 
         pair = interleaved(
             lambda run=run, block=block: run(block), lambda run=run: run(None), settings.tangent_pairs
@@ -98,6 +99,25 @@ def tangent_batch(settings: Settings) -> list[Measurement]:
             Measurement(f"period_map_columns{suffix}", 1e3 * pair.first, "ms", f"informative: {columns}"),
         ]  # fmt: skip
     return found
+
+
+def further_columns(settings: Settings) -> list[Measurement]:
+    """A pass with columns against a further one through the same orbit, whose factors were kept."""
+    start = prepared(settings.default_grid)
+    cycle, keeping = start.cycle(), start.problem.period_map
+    block, at = deterministic_block(keeping.size, SWEPT_COLUMNS), cycle.unknowns
+
+    def run(period_map: PeriodMap, once: bool) -> PeriodImage:
+        return period_map.evaluate(at.state, cycle.parameters, at.period, cycle.steps, block, once=once)
+
+    forgetful = replace(keeping)
+    first, further = run(forgetful, True), (run(keeping, False), run(keeping, False))[1]
+    assert np.array_equal(first.columns, further.columns)
+    pair = interleaved(lambda: run(forgetful, True), lambda: run(keeping, False), settings.tangent_pairs)
+    told = (
+        f"orbit + {SWEPT_COLUMNS} columns / the columns along the kept orbit, {_name(settings.default_grid)}"
+    )
+    return [Measurement("further_columns_ratio", pair.ratio, "1", told)]
 
 
 def full_monodromy(settings: Settings) -> list[Measurement]:

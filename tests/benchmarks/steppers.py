@@ -6,6 +6,8 @@ with four times as many steps.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,8 +45,9 @@ def _ratio(grid: Grid, settings: Settings) -> Measurement:
 
     def run(period_map: PeriodMap, steps: int) -> object:
         at = cycle.unknowns
-        return period_map.evaluate(at.state, cycle.parameters, at.period, steps, block)
+        return period_map.evaluate(at.state, cycle.parameters, at.period, steps, block, once=True)
 
+    slow, fast = replace(slow), replace(fast)  # with no orbit kept
     pair = interleaved(lambda: run(slow, slow_steps), lambda: run(fast, fast_steps), settings.tangent_pairs)
     return Measurement(
         f"stepper_ratio_{grid[0]}x{grid[1]}", pair.ratio, "1",

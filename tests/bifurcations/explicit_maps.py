@@ -22,7 +22,7 @@ class ExplicitMap(PeriodMap):
     function: Function | None = None
 
     def evaluate(  # type: ignore[override]
-        self, state, parameters, period, steps, columns=None, inhomogeneous=(), reference=None
+        self, state, parameters, period, steps, columns=None, inhomogeneous=(), reference=None, once=False
     ) -> PeriodImage:
         size = self.size
         columns = np.zeros((size, 0)) if columns is None else columns

@@ -10,11 +10,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipelines.machine.assembly import build_machine
+from pipelines.orbits import period_map as period_map_module
 from pipelines.orbits.floquet import full_monodromy
-from pipelines.orbits.period_map import Formulation, Inhomogeneity, PeriodMap
-from pipelines.orbits.steppers import DOPRI8, RK4
+from pipelines.orbits.implicit import propagate_implicit
+from pipelines.orbits.period_map import Formulation, Inhomogeneity, PeriodImage, PeriodMap
+from pipelines.orbits.steppers import DOPRI8, ESDIRK5, RK4
 from pipelines.orbits.system import DynamicalSystem, ode_system
-from tests.systems import duffing, tondl
+from pipelines.stages.cycle_problem import cycle_problem
+from tests.helpers.tiny import tiny_case
+from tests.systems import duffing, hopf_pair, implicit, tondl
 
 STATE = np.array([0.3, 0.1, -0.2, 0.15])
 PARAMETERS = np.array([0.03, 1.45])
@@ -193,3 +198,85 @@ def test_bad_arguments_name_the_value() -> None:
         replace(duffing(), size=0)
     with pytest.raises(ValueError, match="repeat"):
         replace(duffing(), parameter_names=("a", "a"))
+
+
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The steps of every pass that integrates an orbit."""
+    integrated: list[int] = []
+
+    def counting(*arguments):  # type: ignore[no-untyped-def]
+        integrated.append(arguments[7])
+        return propagate_implicit(*arguments)
+
+    monkeypatch.setattr(period_map_module, "propagate_implicit", counting)
+    return integrated
+
+
+def same_bits(first: PeriodImage, second: PeriodImage) -> bool:
+    return all(np.array_equal(value, getattr(second, name)) for name, value in vars(first).items())
+
+
+@pytest.mark.parametrize("make", ["stroboscopic", "unforced", "machine"])
+def test_further_columns_along_an_orbit_have_the_same_bits(make: str, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    """As in a pass of their own, and without integrating the orbit again."""
+    reference = None
+    if make == "machine":
+        case = tiny_case().case
+        problem = cycle_problem(build_machine(case), case)
+        period_map, parameters = problem.period_map, problem.parameters
+        state, period = 0.01 * np.cos(np.arange(period_map.size)), period_map.period(parameters)
+    elif make == "stroboscopic":
+        period_map, parameters, state = PeriodMap(implicit(tondl()), ESDIRK5, samples=8), PARAMETERS, STATE
+        period = period_map.period(parameters)
+    else:
+        period_map = PeriodMap(implicit(hopf_pair()), ESDIRK5, Formulation.AUTONOMOUS, samples=8)
+        parameters, state, period = np.array([0.2, 0.3]), np.array([0.4, 0.1, 0.02, -0.01]), 6.0
+        orbit = period_map.evaluate(1.1 * state, parameters, period, 16).orbit
+        reference = period_map.phase_reference(orbit, parameters, period)
+    steps, columns = 16, np.cos(np.arange(period_map.size * 11)).reshape(-1, 11)
+    terms = (period_map.parameter_column(0, parameters),)
+    alone = replace(period_map).evaluate(state, parameters, period, steps, columns, (), reference)
+    integrated = counted(monkeypatch)
+    wide = period_map.evaluate(state, parameters, period, steps, columns[:, :9], terms, reference)
+    assert np.array_equal(wide.columns, alone.columns[:, :9])
+    further = period_map.evaluate(state, parameters, period, steps, columns, (), reference)
+    assert same_bits(alone, further)
+    assert integrated == [steps]
+
+
+def test_only_the_very_same_orbit_is_taken_up_again(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    period_map, columns = PeriodMap(implicit(tondl()), ESDIRK5, samples=8), np.eye(4)
+    period = period_map.period(PARAMETERS)
+    places = [
+        (STATE, PARAMETERS, period, 16),
+        (np.nextafter(STATE, 1.0), PARAMETERS, period, 16),
+        (STATE, np.nextafter(PARAMETERS, 1.0), period, 16),
+        (STATE, PARAMETERS, np.nextafter(period, 1.0), 16),
+        (STATE, PARAMETERS, period, 17),
+    ]
+    alone = [replace(period_map).evaluate(*place, columns) for place in places]
+    integrated = counted(monkeypatch)
+    for place, expected in zip(places, alone, strict=True):
+        period_map.evaluate(*places[0], columns)
+        integrated.clear()
+        assert same_bits(period_map.evaluate(*place, columns), expected)
+        assert len(integrated) == (place is not places[0])
+    # an orbit of which no further columns are wanted does not replace it
+    period_map.evaluate(*places[0], columns)
+    period_map.evaluate(*places[1], columns, once=True)
+    integrated.clear()
+    assert same_bits(period_map.evaluate(*places[0], columns), alone[0])
+    assert integrated == []
+    # one that fails does, with nothing
+    monkeypatch.setattr(period_map_module, "propagate_implicit", lambda *arguments: 3)
+    assert not period_map.evaluate(*places[1], columns).finite
+    assert counted(monkeypatch) == []
+    assert same_bits(period_map.evaluate(*places[0], columns), alone[0])
+
+
+def test_the_oscillator_is_integrated_with_every_block() -> None:
+    period_map = PeriodMap(implicit(tondl()), ESDIRK5, Formulation.AUTONOMOUS, samples=8)
+    state, period, columns = period_map.extend(STATE), period_map.period(PARAMETERS), np.eye(6)
+    alone = replace(period_map).evaluate(state, PARAMETERS, period, 16, columns)
+    for _ in range(2):
+        assert same_bits(period_map.evaluate(state, PARAMETERS, period, 16, columns), alone)
