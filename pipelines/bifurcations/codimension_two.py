@@ -18,7 +18,9 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -29,14 +31,17 @@ from pipelines.bifurcations.normal_forms import NormalForm
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.system import Vector
 
-_MEETING = {
-    SpecialKind.R1: (EventKind.NEIMARK_SACKER, EventKind.FOLD),
-    SpecialKind.R2: (EventKind.NEIMARK_SACKER, EventKind.PERIOD_DOUBLING),
-    SpecialKind.FOLD_FLIP: (EventKind.FOLD, EventKind.PERIOD_DOUBLING),
-    SpecialKind.FOLD_NEIMARK_SACKER: (EventKind.NEIMARK_SACKER, EventKind.FOLD),
-    SpecialKind.FLIP_NEIMARK_SACKER: (EventKind.NEIMARK_SACKER, EventKind.PERIOD_DOUBLING),
-    SpecialKind.DOUBLE_NEIMARK_SACKER: (EventKind.NEIMARK_SACKER, EventKind.NEIMARK_SACKER),
-}
+# The kinds of the two curves that meet in a special point.
+MEETING_CURVES: Mapping[SpecialKind, tuple[EventKind, EventKind]] = MappingProxyType(
+    {
+        SpecialKind.R1: (EventKind.NEIMARK_SACKER, EventKind.FOLD),
+        SpecialKind.R2: (EventKind.NEIMARK_SACKER, EventKind.PERIOD_DOUBLING),
+        SpecialKind.FOLD_FLIP: (EventKind.FOLD, EventKind.PERIOD_DOUBLING),
+        SpecialKind.FOLD_NEIMARK_SACKER: (EventKind.NEIMARK_SACKER, EventKind.FOLD),
+        SpecialKind.FLIP_NEIMARK_SACKER: (EventKind.NEIMARK_SACKER, EventKind.PERIOD_DOUBLING),
+        SpecialKind.DOUBLE_NEIMARK_SACKER: (EventKind.NEIMARK_SACKER, EventKind.NEIMARK_SACKER),
+    }
+)
 _REAL = 1e-6  # imaginary part, relative to the modulus, below which a multiplier is taken as real
 _CIRCLE = 1e-5  # distance from the unit circle within which a located pair counts as on it
 _ZERO = 1e-9  # a test function below this is on its special point
@@ -74,9 +79,9 @@ def second_bifurcation(curve: EventKind, special: SpecialPoint, autonomous: bool
     At R1 and R2 the Neimark-Sacker curve ends on the other one, with a pair of critical multipliers in all;
     elsewhere two curves cross.  R1 of cycles of unknown period is a different resonance and gives None.
     """
-    if special.kind not in _MEETING or (special.kind is SpecialKind.R1 and autonomous):
+    if special.kind not in MEETING_CURVES or (special.kind is SpecialKind.R1 and autonomous):
         return None
-    first, last = _MEETING[special.kind]
+    first, last = MEETING_CURVES[special.kind]
     kind = last if curve is first else first
     if special.kind in (SpecialKind.R1, SpecialKind.R2):
         pair = other_multipliers(EventKind.NEIMARK_SACKER, special.multipliers, special.kappa, autonomous)

@@ -202,7 +202,7 @@ def with_sharp_left(linear: SurfaceLinearisation, critical: Critical, tolerance:
 
         Y H + A^-1 Y V'M R + A^-2 Y V'M Q M R + ... = A Y
 
-    for the price of a pass with all columns per term, down to ``tolerance``; Y V'W = 1 (or the old length of
+    for the price of all columns once more per term, down to ``tolerance``; Y V'W = 1 (or the old length of
     Y) makes it unique, and the pair may be complex, real or double.  A fold of unknown period is returned as
     it is.
     """

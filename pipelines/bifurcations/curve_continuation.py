@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipelines.bifurcations.codimension_two import crossed, resonant_end, settled
+from pipelines.bifurcations.codimension_two import MEETING_CURVES, crossed, resonant_end, settled
 from pipelines.bifurcations.correction import Closing, CurveCorrection
 from pipelines.bifurcations.curve import (
     CurveLimit,
@@ -307,12 +307,12 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
 
 
 def _is_where_it_starts(point: SpecialPoint, segment: CurveSegment, state: CurveState) -> bool:
-    """Whether a resonance is the one that the curve was started from, found again with other time steps.
+    """Whether a special point is the one that the curve was started from, found again with other time steps.
 
     The test of a generalised flip vanishes at R2 too.
     """
-    at_resonance = point.kind in (SpecialKind.R1, SpecialKind.R2, SpecialKind.GENERALISED_FLIP)
-    return at_resonance and state.index == 0 and point.fraction * segment.length < _STARTED
+    may_start = point.kind in MEETING_CURVES or point.kind is SpecialKind.GENERALISED_FLIP
+    return may_start and state.index == 0 and point.fraction * segment.length < _STARTED
 
 
 def _brackets(points: SegmentPoints, state: CurveState) -> list[Bracket]:

@@ -36,6 +36,7 @@ from pipelines.orbits.system import Matrix, Vector
 
 _RECORDED = 1e-7  # residual asked of the multipliers of an ordinary point
 _RECORDED_LEFT, _SHARP_LEFT = 1e-6, 1e-10  # last term of the series for left vectors, likewise
+_END_WIDTH = 1e-10  # of arclength: kappa changes by far less than what counts as its end
 _DIP = 0.5  # share of the nearer end below which a minimum of 1 -+ kappa inside a segment is looked at
 
 
@@ -314,7 +315,8 @@ class Bracket:
 def locate_special(
     points: SegmentPoints, bracket: Bracket, width: float, options: NormalFormOptions | None
 ) -> tuple[SpecialPoint | None, CurveEnd] | None:
-    """The zero of one test function inside a bracket, to ``width`` of arclength.
+    """The zero of one test function inside a bracket, to ``width`` of arclength; R1 and R2 of a
+    Neimark-Sacker curve more sharply, because it ends there.
 
     Returns the point, or None in its place when it turns out to be a neutral saddle or the noise of a
     coefficient, and the corrected end there; None when a point between did not converge.  Every evaluation
@@ -341,6 +343,8 @@ def locate_special(
 
     try:
         tolerance = 4.0 * np.finfo(float).eps
+        if from_pair and special <= SpecialKind.R2:
+            width = min(width, _END_WIDTH)
         width = max(width / segment.length, 1e-14)
         fraction = float(brentq(test, *bracket.fractions, xtol=width, rtol=tolerance))
         end = segment.end if fraction == 1.0 else points.end(fraction, with_form, not from_pair)

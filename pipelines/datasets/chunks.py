@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import google_crc32c
+import numcodecs.blosc
 import numpy as np
 import zarr
-from numcodecs.blosc import SHUFFLE, Blosc
 
 from pipelines.datasets.durable import replace_file
 from pipelines.datasets.errors import CorruptedError
@@ -23,6 +23,10 @@ from pipelines.datasets.layout import BLOSC_LEVEL, ArrayLayout
 from pipelines.datasets.metadata import RECOMPUTE, regular_file_size
 from pipelines.datasets.schema import Array
 from pipelines.datasets.store import Store
+
+numcodecs.blosc.use_threads = (
+    False  # they would order the blocks of a chunk as they finish; Zarr has none either
+)
 
 _CHECKSUM_BYTES = 4
 _BLOSC_HEADER = struct.Struct(
@@ -51,7 +55,8 @@ def write_array(store: Store, group: str, array: ArrayLayout, content: Array) ->
 
 def _encode(content: Array) -> bytes:
     """The bytes that the codecs of `pipelines.datasets.layout.array_metadata` make of a chunk."""
-    compressed = bytes(Blosc("zstd", BLOSC_LEVEL, SHUFFLE).encode(content))
+    codec = numcodecs.blosc.Blosc("zstd", BLOSC_LEVEL, numcodecs.blosc.SHUFFLE)
+    compressed = bytes(codec.encode(content))
     return compressed + google_crc32c.value(compressed).to_bytes(_CHECKSUM_BYTES, "little")
 
 

@@ -74,13 +74,13 @@ def read_group(store: Store, group: str, names: Sequence[str] | None = None) -> 
     return Group(group, metadata.kind, metadata.attributes, arrays, slots)
 
 
-def metadata_stamp(store: Store, group: str) -> tuple[int, int, int] | None:
-    """What differs after every commit, which replaces the group's ``zarr.json``; None where there is none."""
+def metadata_stamp(store: Store, group: str) -> tuple[int, ...] | None:
+    """Tells commits apart, each of which replaces the group's ``zarr.json``; None where there is none."""
     try:
         status = (group_folder(store.path, group) / METADATA).stat()
     except FileNotFoundError:
         return None
-    return status.st_ino, status.st_mtime_ns, status.st_size
+    return status.st_ino, status.st_mtime_ns, status.st_ctime_ns, status.st_size
 
 
 def read_branch(store: Store, group: str, names: Sequence[str] | None = None) -> Group:

@@ -179,8 +179,10 @@ def ensure_container(store: Store, group: str) -> None:
     """Make the groups between the case and ``group`` (cycles, pd, ns), once, whichever writer comes first.
 
     The case itself is made with the store and never here, where its attributes are not known. Raises
-    CorruptedError when it is missing.
+    CorruptedError when it is missing, and ValueError for a store that was opened for reading.
     """
+    if store.read_only:
+        raise ValueError(f"{store.path} was opened for reading")
     parents = group.split("/")[:-1]
     if (case := "/".join(parents[:2])).startswith("cases/") and not store.has_group(case):
         raise CorruptedError("the file is missing", RESTORE, store.path / case / METADATA)

@@ -104,7 +104,7 @@ class _KeptOrbit:
     samples: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
 
     def is_at(self, state: Vector, parameters: Vector, period: float, steps: int) -> bool:
-        """Whether it starts there, to the last bit."""
+        """Whether it is the orbit from there, exactly."""
         if self.place is None or self.place[2:] != (period, steps):
             return False
         return np.array_equal(self.place[0], state) and np.array_equal(self.place[1], parameters)
@@ -196,8 +196,8 @@ class PeriodMap:
     ) -> PeriodImage:
         """phi(state), M @ columns, the inhomogeneous columns and the phase condition in one pass.
 
-        With an implicit stepper further columns through the same state, parameters and steps cost a fraction
-        of the first pass; ``once`` tells that none will follow, so that another orbit stays the kept one.
+        With an implicit stepper and no oscillator, further columns alone along the orbit of the last pass
+        cost a fraction of it; ``once`` tells that none will follow, so that another orbit stays the kept one.
         With an explicit one ``steps`` must be a multiple of ``samples`` (``steps_for`` returns such numbers);
         ValueError otherwise.
         """
@@ -216,14 +216,9 @@ class PeriodMap:
             np.array(state, dtype=float), block, np.empty((self.samples, size)), np.zeros(1 + width),
             np.zeros((0, size)) if reference is None else reference.gradient, column_parameter, column_period,
         )  # fmt: skip
-        own = np.array(parameters, dtype=float)
+        only_columns = given > 0 and not inhomogeneous
         with np.errstate(all="ignore"):
-            if not isinstance(self.stepper, ImplicitStepper):
-                failed = self._explicit(run, own, period, steps)
-            elif given > 0 and not inhomogeneous and self._kept.is_at(run.state, own, period, steps):
-                failed = self._along_kept(run, own, period, steps)
-            else:
-                failed = self._implicit(run, own, period, steps, once)
+            failed = self._advance(run, np.array(parameters, dtype=float), period, steps, only_columns, once)
         block = run.block
         return PeriodImage(
             state=run.state,
@@ -236,8 +231,18 @@ class PeriodMap:
             finite=failed < 0 and bool(np.all(np.isfinite(block)) and np.all(np.isfinite(run.state))),
         )
 
-    def _explicit(self, run: _Run, parameters: Vector, period: float, steps: int) -> int:
+    def _advance(
+        self, run: _Run, parameters: Vector, period: float, steps: int, only_columns: bool, once: bool
+    ) -> int:
         """Advance a run in place; -1, or the step that failed."""
+        if not isinstance(self.stepper, ImplicitStepper):
+            return self._explicit(run, parameters, period, steps)
+        if only_columns and self._kept.is_at(run.state, parameters, period, steps):
+            return self._along_kept(run, parameters, period, steps)
+        return self._implicit(run, parameters, period, steps, once)
+
+    def _explicit(self, run: _Run, parameters: Vector, period: float, steps: int) -> int:
+        """That with the loop of the explicit steppers."""
         if steps % self.samples:
             raise ValueError(f"steps is {steps}; it must be a multiple of the {self.samples} samples")
         system, stepper = self.system, self.stepper
@@ -271,8 +276,8 @@ class PeriodMap:
             orbit_space, column_space, self._kept.space(rows, size) if keeps else np.zeros((0, size)),
         )  # fmt: skip
         if keeps and failed < 0:
-            self._kept.place = start, parameters.copy(), period, steps
             self._kept.end, self._kept.samples = run.state.copy(), run.orbit.copy()
+            self._kept.place = start, parameters.copy(), period, steps
         _take(run, lines, functional)
         return int(failed)
 

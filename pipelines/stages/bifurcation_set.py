@@ -1,8 +1,9 @@
 """The search of `agfb run` for every bifurcation curve of a case in the plane excitation frequency x speed.
 
 The plane is crossed by branches of cycles along the speed and along the excitation frequency.  Every
-bifurcation that they meet and that lies on no curve yet starts one; curves that join others at resonances
-start those.  Rounds of fresh lines between the old ones follow, until a whole round meets no new curve.
+bifurcation that they meet and that lies on no curve yet starts one; so does every special point in which
+another curve meets one of these.  Rounds of fresh lines between the old ones follow, until a whole round
+meets no new curve.
 """
 
 from __future__ import annotations

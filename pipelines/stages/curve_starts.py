@@ -107,7 +107,9 @@ def next_start(job: Job, kinds: Sequence[EventKind], fates: Fates, boundaries: b
 def _fate(job: Job, start: Start, known: Mapping[str, Group]) -> Fate | None:
     if not _is_inside(job, start):
         return Fate.OUTSIDE
-    if any(_lies_on(job, start, curve) for curve in known.values()):
+    # a double Neimark-Sacker point lies on the curve that it was found on, and starts another one
+    others = (curve for name, curve in known.items() if name != start.origin.group)
+    if any(_lies_on(job, start, curve) for curve in others):
         return Fate.KNOWN
     return Fate.REFUSED if len(known) >= job.case.case.track_curves.max_curves else None
 
@@ -158,7 +160,7 @@ def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
 
 
 def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) -> Iterator[Start]:
-    """Curves of `kind` through the special points of a curve of another kind."""
+    """Curves of `kind` through the special points of a curve of kind `other`."""
     curve = job.read(group, SPECIAL_NAMES)
     if curve.attributes["status"] != ENDED:
         return
@@ -176,7 +178,7 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
 
 
 def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:
-    """Curves of a kind over the plane of the case, the other parameters as given."""
+    """Curves of a kind over the plane of the case, the other parameters as given; bordered."""
     case = job.case.case
     cycles = turned(cycle_problem(job.machine, case), turns)
     return CurveProblem(
@@ -185,7 +187,6 @@ def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray)
         parameters,
         case.track_curves.parameters,
         cycles.options,
-        CurveFormulation(case.track_curves.formulation),
     )
 
 

@@ -1,4 +1,4 @@
-"""`agfb track-folds`: fold curves, and those that join Neimark-Sacker curves at R1."""
+"""`agfb track-folds`: fold curves, and those that meet stored curves in special points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`agfb track-ns`: Neimark-Sacker curves, and those that join other curves at R1 and R2."""
+"""`agfb track-ns`: Neimark-Sacker curves, and those that meet stored curves in special points."""
 
 from __future__ import annotations
 

@@ -48,6 +48,12 @@ def test_the_files_are_those_of_zarr(store: Store, array: ArrayLayout) -> None:
     np.testing.assert_array_equal(read_array(store, "ours", array), content)
 
 
+def test_a_chunk_of_many_compressed_blocks(store: Store) -> None:
+    array = layout("cycles", {"point": 5, "component": 2000, "column": 300, "slot": 2})["basis"]
+    test_the_files_are_those_of_zarr(store, array)
+    assert (store.path / "ours" / "basis" / "c.0.0.0").stat().st_size > 2**20
+
+
 def test_rows_that_are_not_given_are_fill_values(store: Store) -> None:
     array = layout("cycles", {"point": 5})["speed"]
     make(store, "group", array)

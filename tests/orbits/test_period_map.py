@@ -267,11 +267,22 @@ def test_only_the_very_same_orbit_is_taken_up_again(monkeypatch) -> None:  # typ
     integrated.clear()
     assert same_bits(period_map.evaluate(*places[0], columns), alone[0])
     assert integrated == []
-    # one that fails does, with nothing
-    monkeypatch.setattr(period_map_module, "propagate_implicit", lambda *arguments: 3)
-    assert not period_map.evaluate(*places[1], columns).finite
-    assert counted(monkeypatch) == []
-    assert same_bits(period_map.evaluate(*places[0], columns), alone[0])
+
+
+def test_a_failed_pass_leaves_no_orbit(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    period_map, columns = PeriodMap(implicit(tondl()), ESDIRK5, samples=8), np.eye(4)
+    place = (STATE, PARAMETERS, period_map.period(PARAMETERS), 16)
+    first = period_map.evaluate(*place, columns)
+
+    def failing(*arguments):  # type: ignore[no-untyped-def]
+        arguments[-1][:] = np.nan  # the factors of the stages before it failed
+        return 3
+
+    monkeypatch.setattr(period_map_module, "propagate_implicit", failing)
+    assert not period_map.evaluate(1.1 * STATE, *place[1:], columns).finite
+    integrated = counted(monkeypatch)
+    assert same_bits(period_map.evaluate(*place, columns), first)
+    assert integrated == [16]
 
 
 def test_the_oscillator_is_integrated_with_every_block() -> None:

@@ -215,4 +215,4 @@ def test_a_curve_that_no_line_meets_starts_where_a_followed_one_crosses_it(tmp_p
         assert line[0][name][0] == pytest.approx(tongue[f"event_{name}"][origin.event], abs=1e-5)
     # the other side of the tongue crosses the same line, which is followed once
     crossings = [label for curve in line for label in curve.labels("event_kind")]
-    assert crossings.count("flip_neimark_sacker") == 2
+    assert crossings == ["flip_neimark_sacker"]
