@@ -8,6 +8,7 @@ tangent t at distance h when, with the test function g of ``pipelines.bifurcatio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -112,7 +113,7 @@ def continue_curve(
         known = dict(traced or {})
         if not _returned(state, step.end.position, metric):
             known["itself"] = own.without_last(_RECENT)
-        if (name := _along(step.end, known, options)) is not None:
+        if (name := _along(state, step.end, known, options)) is not None:
             return CurveResult(CurveStop.TRACED, state, f"it runs along {name}")
         state = _advance(problem, state, step, options)
         record(step.end.point, state, step.specials)
@@ -150,15 +151,26 @@ def _stop_reason(
     return CurveStop.MAXIMUM_POINTS if state.index + 1 >= options.max_points else None
 
 
-def _along(end: CurveEnd, traced: Mapping[str, TracedCurve], options: CurveOptions) -> str | None:
-    """The name of the traced curve that an accepted point lies on."""
-    first, second = end.position.parameters
-    at = CurveStart(end.position.state, (float(first), float(second)), angle=end.point.angle)
-    tangent = end.tangent.parameters
+def _along(
+    state: CurveState, end: CurveEnd, traced: Mapping[str, TracedCurve], options: CurveOptions
+) -> str | None:
+    """The name of the traced curve that an accepted point and the one before it lie on: a single one may be
+    where two curves cross at a small angle.
+    """
+    begin = _place(state.position, math.acos(min(1.0, max(-1.0, state.kappa))))
+    places = (
+        (_place(end.position, end.point.angle), end.tangent.parameters),
+        (begin, state.tangent_parameters),
+    )
     for name, curve in traced.items():
-        if curve.runs_along(at, tangent, options.parameter_scales):
+        if all(curve.runs_along(place, tangent, options.parameter_scales) for place, tangent in places):
             return name
     return None
+
+
+def _place(position: Position, angle: float) -> CurveStart:
+    first, second = position.parameters
+    return CurveStart(position.state, (float(first), float(second)), angle=angle)
 
 
 def _attempt(

@@ -12,6 +12,7 @@ import pytest
 from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop, SpecialKind
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import joined_curve
+from pipelines.bifurcations.traced import TracedCurve
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
@@ -19,6 +20,7 @@ from tests.bifurcations.curve_runs import FLIP, FOLD, NS, map_problem, start, tr
 from tests.bifurcations.explicit_maps import (
     cusp_map,
     delayed_logistic,
+    explicit_map,
     flip_map,
     henon,
     narrow_tongue,
@@ -306,3 +308,28 @@ def test_problems_are_checked() -> None:
             map_problem(henon(), FLIP, (0, 0), names)
     with pytest.raises(ValueError, match="parameters given"):
         map_problem(henon(), FLIP, (0,), ("a", "b"))
+
+
+def test_two_curves_that_cross_at_a_small_angle_are_told_apart() -> None:
+    """Period doublings m = 0 and m = t/10 of the same cycle: a point beside their crossing lies on both."""
+    flips = explicit_map(
+        2,
+        ("t", "m"),
+        lambda s, p: (-(1.0 + p[1]) * s[0] + s[0] ** 3, -(1.0 + p[1] - 0.1 * p[0]) * s[1] + s[1] ** 3),
+    )
+    problem = map_problem(flips, FLIP, (0, 0), ("t", "m"))
+    options = CurveOptions(((-0.3, 0.3), (-0.1, 0.1)), step=0.05, maximum_step=0.05)
+    steep = trace(problem, start([0.0, 0.0], (-0.255, -0.0255)), options)
+    assert steep.result.stop is CurveStop.RANGE
+    known = {"steep": TracedCurve.of(steep.states)}
+    level = trace(problem, start([0.0, 0.0], (-0.255, 0.0)), options, traced=known)
+    beside = [point.parameters for point in level.points if known["steep"].runs_along(
+        start([0.0, 0.0], tuple(point.parameters), math.pi), np.array([1.0, 0.0])
+    )]  # fmt: skip
+    assert len(beside) == 1, "one point cannot be told apart by itself"
+    assert level.result.stop is CurveStop.RANGE
+    assert np.max(np.abs(level.parameters[:, 1])) < 1e-9
+    # and one that does run along is recognised at its second point
+    again = trace(problem, start([0.0, 0.0], (-0.23, -0.023)), options, traced=known)
+    assert again.result.stop is CurveStop.TRACED
+    assert len(again.points) == 1
