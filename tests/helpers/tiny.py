@@ -12,6 +12,7 @@ from pipelines.stages.scheduling import stage_function
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs" / "smoke.toml"
 PASSIVE = ROOT / "configs" / "passive.toml"
+SHARP = "numerics.multiplier_tolerance=1e-6"  # for numbers: the tiny settings serve bookkeeping
 TINY = (
     "numerics.circumferential=16",
     "numerics.axial=1",

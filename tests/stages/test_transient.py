@@ -16,7 +16,7 @@ from pipelines.orbits.equilibrium import machine_equilibrium
 from pipelines.stages.preparation import prepare_store
 from pipelines.stages.transient import CannotRunError, outlook
 from pipelines.stages.transient_run import prepare_run
-from tests.helpers.tiny import Watched, tiny_case
+from tests.helpers.tiny import SHARP, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
 GROUP = "cases/smoke/transient/t000"
@@ -142,7 +142,7 @@ def test_from_a_stored_cycle_the_run_stays_on_it(tmp_path, formulation, toleranc
         "continue_cycles.start=1.06",
         "continue_cycles.max_points=2",
         f"continue_cycles.formulation={formulation}",
-        "numerics.multiplier_tolerance=1e-6",
+        SHARP,
     )
     assert Watched("continue_cycles", tiny_case(*overrides), store).result.ok
     branch = read_group(open_for_reading(store), "cases/smoke/cycles/b000")

@@ -15,13 +15,13 @@ from pipelines.machine.assembly import build_machine
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.stages.cycle_problem import continuation_options, cycle_problem
 from pipelines.stages.cycle_start import FirstCycle, resting_start
-from tests.helpers.tiny import tiny_case
+from tests.helpers.tiny import SHARP, tiny_case
 
 
 @pytest.fixture(scope="module")
 def instability() -> tuple[CycleProblem, Event]:
     """The reconstructed machine on the smallest grid (N = 88), excited at 0.7: unstable beyond 1.18."""
-    case = tiny_case("continue_cycles.start=1.17", "continue_cycles.range=[1.15, 1.25]").case
+    case = tiny_case(SHARP, "continue_cycles.start=1.17", "continue_cycles.range=[1.15, 1.25]").case
     machine = build_machine(case)
     problem = cycle_problem(machine, case)
     first = resting_start(machine, problem)

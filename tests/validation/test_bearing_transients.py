@@ -10,7 +10,7 @@ import pytest
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
-from tests.helpers.tiny import Watched, tiny_case
+from tests.helpers.tiny import SHARP, Watched, tiny_case
 
 PERIOD = 2.0 * np.pi / 0.7
 RANGE = (
@@ -25,7 +25,7 @@ RANGE = (
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The cycles along the speed through the Neimark-Sacker point at 1.185."""
     path = tmp_path_factory.mktemp("transients") / "run.zarr"
-    assert Watched("continue_cycles", tiny_case(*RANGE), path).result.ok
+    assert Watched("continue_cycles", tiny_case(SHARP, *RANGE), path).result.ok
     return path
 
 
@@ -35,7 +35,7 @@ def cycles(store: Path) -> Group:
 
 def run(store: Path, *overrides: str) -> Group:
     """The analysis of a run that starts from a stored cycle."""
-    case = tiny_case(*RANGE, "transient.start=cycles/b000", *overrides)
+    case = tiny_case(SHARP, *RANGE, "transient.start=cycles/b000", *overrides)
     result = Watched("transient", case, store).result
     assert result.stop_reason == "finished"
     group = str(result.summary["group"]).replace("transient/", "transient_analysis/")

@@ -23,7 +23,7 @@ from pipelines.orbits.transient import Plan, Status, advance, starting_position
 from pipelines.orbits.unbalanced_map import UNBALANCED_PARAMETERS, unbalanced_system
 from pipelines.stages.cycle_problem import cycle_problem
 from pipelines.stages.transient_run import driven_machine
-from tests.helpers.tiny import tiny_case
+from tests.helpers.tiny import SHARP, tiny_case
 
 SPEED, STEPS = 0.9371, 60
 MASSES = (UnbalanceMass(2, 1e-7, 0.4), UnbalanceMass(9, 5e-8, -1.0))  # kg m; node 9 is condensed out
@@ -32,7 +32,7 @@ MASSES = (UnbalanceMass(2, 1e-7, 0.4), UnbalanceMass(9, 5e-8, -1.0))  # kg m; no
 def balanced(displacement: float) -> tuple[Machine, CycleProblem, Cycle]:
     """The smallest machine below its critical speed, its cycle without unbalance."""
     overrides = (f"excitation.displacement={displacement}", f"continue_cycles.start={SPEED}")
-    case = tiny_case(*overrides, "continue_cycles.range=[0.9, 1.0]").case
+    case = tiny_case(SHARP, *overrides, "continue_cycles.range=[0.9, 1.0]").case
     machine = build_machine(case)
     problem = cycle_problem(machine, case)
     state = machine_equilibrium(machine, problem.parameters).state
