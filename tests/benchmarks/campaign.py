@@ -38,7 +38,10 @@ def campaign(settings: Settings) -> list[Measurement]:
     cases = read_cases(SMOKE.read_text(), SMOKE.name, (*overrides, *BRANCH))
     alone = _seconds(cases, 0)
     pair = _seconds(cases, 2)
-    told = f"{count} branches of equal cost on 24x2, wall clock: one process / two workers with their start"
+    told = (
+        f"{count} branches of equal cost on 24x2, wall clock: one process ({alone:.0f} s) / two workers with "
+        f"their start ({pair:.0f} s)"
+    )
     return [Measurement("campaign_ratio", alone / pair, "1", told)]
 
 
