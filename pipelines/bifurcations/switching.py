@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipelines.bifurcations.branch import BranchStart
-from pipelines.bifurcations.codimension_two import second_bifurcation
+from pipelines.bifurcations.codimension_two import SecondBifurcation, second_bifurcation
 from pipelines.bifurcations.curve import CurveStart, SpecialPoint
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
@@ -60,8 +60,13 @@ def joined_curve(problem: CurveProblem, special: SpecialPoint) -> tuple[CurvePro
     A Neimark-Sacker curve leaves R1 and R2 in one direction; every other curve goes on in both.
     """
     second = second_bifurcation(problem.kind, special, problem.period_map.autonomous)
-    if second is None:
-        return None
+    return None if second is None else curve_of_second(problem, special, second)
+
+
+def curve_of_second(
+    problem: CurveProblem, special: SpecialPoint, second: SecondBifurcation
+) -> tuple[CurveProblem, CurveStart]:
+    """The curve of what else becomes critical at a special point of a curve of ``problem``."""
     first, last = (float(special.parameters[index]) for index in problem.indices)
     joined = replace(problem, kind=second.kind, formulation=CurveFormulation.BORDERED)
     return joined, CurveStart(special.state, (first, last), special.period, second.angle)

@@ -236,8 +236,12 @@ def _hermite(x, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _accumulate(weights, gradient, share, lines, line_slopes, stages, functional):  # type: ignore[no-untyped-def]
-    """functional += share <gradient, column> for every column, interpolated within a step."""
+def _accumulate(weights, gradient, share, point, lines, line_slopes, stages, functional):  # type: ignore[no-untyped-def]
+    """functional += share <gradient, y> for y the ``point`` of the orbit and every column, interpolated
+    within a step.
+    """
+    for k in range(gradient.shape[0]):
+        functional[0] += share * gradient[k] * point[k]
     value, slope, end_value, end_slope = weights
     last = line_slopes.shape[1] - 1
     for chunk in range(lines.shape[0]):
@@ -347,10 +351,10 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
                 samples[sample, k] = weights[0] * state[k] + weights[1] * current[0, k]
                 samples[sample, k] += weights[2] * stage[k] + weights[3] * current[stages - 1, k]
             if gradient.shape[0] > 0:
-                share, own = 1.0 / gradient.shape[0], gradient[sample]
-                for k in range(n):
-                    functional[0] += share * own[k] * samples[sample, k]
-                _accumulate(weights, own, share, lines, line_slopes, line_stages, functional)
+                _accumulate(
+                    weights, gradient[sample], 1.0 / gradient.shape[0], samples[sample],
+                    lines, line_slopes, line_stages, functional,
+                )  # fmt: skip
             sample += 1
         state[:] = stage
         for chunk in range(chunks):
@@ -401,10 +405,10 @@ def propagate_columns(  # type: ignore[no-untyped-def]
         while sample < samples.shape[0] and sample * steps < (step + 1) * samples.shape[0]:
             if gradient.shape[0] > 0:
                 weights = _hermite(sample * steps / samples.shape[0] - step, h)
-                share, gradient_here = 1.0 / gradient.shape[0], gradient[sample]
-                for k in range(n):
-                    functional[0] += share * gradient_here[k] * samples[sample, k]
-                _accumulate(weights, gradient_here, share, lines, line_slopes, line_stages, functional)
+                _accumulate(
+                    weights, gradient[sample], 1.0 / gradient.shape[0], samples[sample],
+                    lines, line_slopes, line_stages, functional,
+                )  # fmt: skip
             sample += 1
         for chunk in range(chunks):
             lines[chunk] = line_stages[chunk]

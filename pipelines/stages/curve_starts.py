@@ -18,7 +18,7 @@ from pipelines.bifurcations.codimension_two import other_multipliers, resonant_e
 from pipelines.bifurcations.curve import CurveStart, CurveStop
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
-from pipelines.bifurcations.switching import curve_from_event, joined_curve
+from pipelines.bifurcations.switching import curve_from_event, curve_of_second
 from pipelines.bifurcations.traced import TracedCurve
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.records import ENDED, Group
@@ -171,10 +171,9 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
         special = stored_special(curve, index)
         problem = curve_problem(job, other, turns, special.parameters)
         second = second_bifurcation(other, special, problem.period_map.autonomous)
-        joined = joined_curve(problem, special)
-        if second is not None and joined is not None and second.kind is kind:
-            bounds = unstable_count(second.others, False) == 0
-            yield Start(Origin(group, index), joined[0], joined[1], turns, bounds)
+        if second is not None and second.kind is kind:
+            joined, guess = curve_of_second(problem, special, second)
+            yield Start(Origin(group, index), joined, guess, turns, unstable_count(second.others, False) == 0)
 
 
 def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:
