@@ -9,6 +9,7 @@ out here, one to a worker.
 
 from __future__ import annotations
 
+import math
 import queue
 import signal
 import time
@@ -34,6 +35,7 @@ _STOP = "agfb-stop"
 _SECONDS_BETWEEN_REPORTS = 0.5
 _SECONDS_BETWEEN_QUESTIONS = 0.5  # whether to stop; each is a message to the scheduler
 _SECONDS_BETWEEN_LOOKS = 0.05
+_SECONDS_BETWEEN_COUNTS = 0.5  # of the workers; each is a message to the scheduler
 _DEATHS = 2  # of workers with the same task, after which it is tried once more
 _WITHOUT_WORKERS = 120  # s
 _CONNECTION_TIMEOUT = 15  # s
@@ -41,6 +43,13 @@ _CONNECTION_TIMEOUT = 15  # s
 SETTINGS: Mapping[str, Any] = MappingProxyType(
     {
         "distributed.scheduler.allowed-failures": 0,  # a dead worker's task comes back here at once
+        # with Dask's 64 KiB every larger temporary asks the system for new pages: a quarter more time
+        "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
+        "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 24,
+        # what Dask watches for a dashboard that is off took a tenth of each core from the cases
+        "distributed.worker.profile.enabled": False,
+        "distributed.admin.tick.interval": "1s",
+        "distributed.admin.system-monitor.interval": "5s",
         "logging": {"distributed": "critical", "tornado": "critical"},
     }
 )
@@ -159,20 +168,21 @@ class _Campaign:
     running: dict[str, _Running] = field(default_factory=dict)  # by the address of the worker
 
     def results(self) -> Iterator[tuple[str, StageResult]]:
-        stopping, deserted = False, time.monotonic()
+        stopping, counted, present = False, -math.inf, time.monotonic()
         while self.running or (self.waiting and not stopping):
             self.tell()
             if not stopping and self.should_stop():
                 stopping = True
                 self.stop.set()
-            workers = set(self.client.nthreads())
-            for address in [each for each in self.running if self._has_ended(each, workers)]:
-                yield from self._end(self.running.pop(address))
-            if not stopping:
-                self._assign(workers - set(self.running))
-            if workers:
-                deserted = time.monotonic()
-            elif time.monotonic() - deserted > _WITHOUT_WORKERS:
+            some_ended = any(run.future.done() for run in self.running.values())
+            if some_ended or time.monotonic() - counted > _SECONDS_BETWEEN_COUNTS:
+                counted, workers = time.monotonic(), set(self.client.nthreads())
+                present = counted if workers else present
+                for address in [each for each in self.running if self._has_ended(each, workers)]:
+                    yield from self._end(self.running.pop(address))
+                if not stopping:
+                    self._assign(workers - set(self.running))
+            if time.monotonic() - present > _WITHOUT_WORKERS:
                 raise ClusterError(f"the cluster has had no worker for {_WITHOUT_WORKERS} s")
             time.sleep(_SECONDS_BETWEEN_LOOKS)
 

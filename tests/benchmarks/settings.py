@@ -32,7 +32,7 @@ class Settings:
     chain_points: int = 8
     repetitions: int = 20_000
     campaign_cases: int = 8
-    campaign_points: int = 60
+    campaign_points: int = 100
     fresh_cache: bool = True
 
 

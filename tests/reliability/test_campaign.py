@@ -22,6 +22,7 @@ from typer.testing import CliRunner
 from agfb_cli.main import app
 from pipelines.datasets.integrity import verify
 from pipelines.stages import campaign
+from pipelines.stages.pool import Pool
 from tests.helpers import forked
 from tests.helpers.cluster import cluster as small_cluster
 from tests.helpers.poison import POISONED
@@ -93,6 +94,19 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path, alone: Path) -> None
     assert sorted(result["case_id"] for result in results) == sorted(CASES)
     assert all(result["seconds"] > 0.0 for result in results)
     assert_same(alone, tmp_path)
+
+
+def test_workers_keep_freed_memory_and_one_thread() -> None:
+    """What Dask sets otherwise costs a quarter of the time."""
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(dict(campaign.SETTINGS)))
+        client = campaign._client(Pool(workers=1), 1, stack)
+        (environment,) = client.run(lambda: dict(os.environ)).values()
+        (watched,) = client.run(lambda: dask.config.get("distributed.worker.profile.enabled")).values()
+    assert int(environment["MALLOC_TRIM_THRESHOLD_"]) >= 1 << 26
+    assert int(environment["MALLOC_MMAP_THRESHOLD_"]) >= 1 << 22
+    assert environment["OPENBLAS_NUM_THREADS"] == environment["OMP_NUM_THREADS"] == "1"
+    assert not watched
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
