@@ -31,16 +31,19 @@ def campaign(settings: Settings) -> list[Measurement]:
     """Wall-clock time on one process over that on two workers, whose start counts."""
     count = settings.campaign_cases
     displacements = np.linspace(0.19, 0.2, count).round(6).tolist()
+    circumferential, axial = settings.default_grid
     overrides = (
         f"sweep.excitation.displacement={displacements}",
         f"continue_cycles.max_points={settings.campaign_points}",
+        f"numerics.circumferential={circumferential}",
+        f"numerics.axial={axial}",
     )
     cases = read_cases(SMOKE.read_text(), SMOKE.name, (*overrides, *BRANCH))
     alone = _seconds(cases, 0)
     pair = _seconds(cases, 2)
     told = (
-        f"{count} branches of equal cost on 24x2, wall clock: one process ({alone:.0f} s) / two workers with "
-        f"their start ({pair:.0f} s)"
+        f"{count} branches of equal cost on {circumferential}x{axial}, wall clock: one process "
+        f"({alone:.0f} s) / two workers with their start ({pair:.0f} s)"
     )
     return [Measurement("campaign_ratio", alone / pair, "1", told)]
 
