@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pipelines.case.reading import NamedCase, read_cases
+from pipelines.case.scales import Scales
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
@@ -28,7 +29,7 @@ from pipelines.stages.calibrate import (
 from pipelines.stages.calibration_report import Calibration, read_calibration
 from pipelines.stages.calibration_targets import Reached, reached
 from pipelines.stages.onset_speed import FOUND
-from tests.helpers.tiny import CONFIG, TINY, Watched, tiny_case
+from tests.helpers.tiny import CONFIG, SHARP, TINY, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
 TOLERANCE = 1e-3
@@ -65,9 +66,9 @@ def calibrated(table: str, *overrides: str) -> NamedCase:
     return named
 
 
-def of_the_true_machine(table: str, true: dict[str, float] = TRUE) -> list[float]:
+def of_the_true_machine(table: str, true: dict[str, float] = TRUE, *overrides: str) -> list[float]:
     """What the machine that is to be found reaches of the targets of a table."""
-    case = calibrated(table.format(values=[1.0] * 9)).case
+    case = calibrated(table.format(values=[1.0] * 9), *overrides).case
     assert case.calibrate is not None
     plain = case.model_copy(update={"calibrate": None})
     return [
@@ -188,6 +189,55 @@ bifurcation = "neimark_sacker"
     assert np.abs(distance(found, case, true)).max() < 1e-2
     assert found.targets[0].bifurcation == "neimark_sacker"
     assert found.parameters[0].uncertainty is None, "one target of unknown scatter tells none"
+
+
+def test_the_slope_of_the_onset_speed_converges_with_the_square_of_the_difference() -> None:
+    """slope(d) = slope + C d^2 + O(d^4): three differences, each half the one before, give a ratio of four,
+    here to within the next order and the onsets' own errors (1e-6 over a difference of 0.005).
+    """
+    table = """
+[calibrate]
+speed_range = [1.0, 1.4]
+[[calibrate.parameters]]
+keys = ["excitation.displacement"]
+range = [0.1, 0.22]
+"""
+    target = """
+[[calibrate.targets]]
+quantity = "onset_slope"
+bifurcation = "neimark_sacker"
+value = {values[0]}
+"""
+    targets = "".join(target + f"difference = {difference}\n" for difference in (0.02, 0.01, 0.005))
+    wide, middle, narrow = of_the_true_machine(
+        table + targets, {"excitation.displacement": 0.17}, SHARP, "excitation.frequency=0.7"
+    )
+    assert 3.2 < (wide - middle) / (middle - narrow) < 4.8
+
+
+def test_a_mass_is_found_through_a_measured_critical_speed(tmp_path: Path) -> None:
+    """The critical speed that `agfb criticals` computes of the true machine, in revolutions per minute."""
+    true = calibrated("", "rotor.discs.0.mass=0.1")
+    assert Watched("criticals", true, tmp_path / "true.zarr").result.ok
+    computed = read_group(open_for_reading(tmp_path / "true.zarr"), "cases/smoke/criticals")
+    measured = Scales.from_case(true.case).speed_rpm(computed["critical_speed"][0])
+    table = f"""
+[calibrate]
+tolerance = 1e-4
+[[calibrate.parameters]]
+keys = ["rotor.discs.0.mass"]
+range = [0.05, 0.15]
+[[calibrate.targets]]
+quantity = "critical_speed"
+value_rpm = {measured}
+uncertainty = {1e-4 * measured}
+"""
+    case = calibrated(table)
+    assert Watched("calibrate", case, tmp_path / "a.zarr").result.ok
+    found = told(tmp_path / "a.zarr", case)
+    assert found.values["rotor.discs.0.mass"] == pytest.approx(0.1, rel=1e-3)
+    assert found.targets[0].reached == pytest.approx(measured, rel=1e-5)
+    assert found.targets[0].bifurcation == "unset", "a critical speed is none"
 
 
 Values = Callable[[float, float, float | None], Reached]
