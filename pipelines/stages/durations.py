@@ -1,8 +1,8 @@
 """About how long a case takes: a few pieces of its work, timed here and now on its own machine and grid.
 
-What a piece takes is measured; how many of them a point takes is not known before.  `PASSES_PER_CYCLE` and
-`PASSES_PER_CURVE_POINT` are what was counted on finished branches.  An estimate is good to a factor of two or
-three; that branches end before `max_points` makes it too long rather than too short.
+What a piece takes is measured; how many of them a point takes is not known before: each ``PASSES_PER_...`` is
+what was counted on finished branches.  An estimate is good to a factor of two or three; that branches end
+before `max_points` makes it too long rather than too short.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from pipelines.case.models import Case
+from pipelines.case.torus_settings import FEWEST_ANGLES
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.campbell import campbell_diagram
@@ -26,9 +27,12 @@ from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.orbits.time_steps import demand_at, first_steps
 from pipelines.stages.cycle_problem import INITIAL_COLUMNS, cycle_problem
 from pipelines.stages.linearize import reference_parameters
+from pipelines.stages.refine_levels import case_on, grid_family
 
 PASSES_PER_CYCLE = 12  # corrections, tangents and multipliers, and locating what lies between two points
 PASSES_PER_CURVE_POINT = 100  # normal forms on two smoothed machines included
+PASSES_PER_LEVEL = 30  # of a refined bifurcation, on one of its grids
+PASSES_PER_ANGLE = 15  # of a torus, its corrections and its stability
 _NORMAL_FORMS = 3.0  # times as long as a point of a curve without
 _MEASURED_STEPS = 256  # of an explicit stepper at most
 _TRIALS = 3  # the first may load kernels, and others share the machine
@@ -61,6 +65,17 @@ class Durations:
         once = self._once(case, _pass)
         share = 1.0 if case.track_curves.normal_forms else 1.0 / _NORMAL_FORMS
         return None if once is None else share * PASSES_PER_CURVE_POINT * once
+
+    def of_refined_point(self, case: Case) -> float | None:
+        """One bifurcation on all grids of `agfb ... --refine`."""
+        levels = [case_on(case, grid) for grid in grid_family(case)]
+        passes = [self._once(level, _pass) for level in levels if level is not None]
+        return None if None in passes else PASSES_PER_LEVEL * sum(each for each in passes if each is not None)
+
+    def of_torus(self, case: Case) -> float | None:
+        """One point of a branch of tori with the fewest angles."""
+        once = self._once(case, _pass)
+        return None if once is None else PASSES_PER_ANGLE * FEWEST_ANGLES * once
 
     def _once(self, case: Case, measure: Callable[[Machine, Case], float | None]) -> float | None:
         grid = [(bearing.film, bearing.clipping) for bearing in case.bearings]

@@ -140,7 +140,7 @@ _DECIDED_BY: Mapping[str, str] = MappingProxyType(
         "track_folds": "ends when every fold of the store lies on a curve",
         "bifurcation_set": "ends when a round of fresh lines meets no new curve",
         "refine": "one point for every bifurcation that is found, each on several grids",
-        "continue_tori": "a torus takes the longer the more angles it needs",
+        "continue_tori": "a torus takes the longer the more angles it needs, here with the fewest",
     }
 )
 
@@ -161,8 +161,8 @@ def _found(stage: str, named: NamedCase, store: Store | None) -> Planned:
         if len(own) < len(continue_cycles.directions(case)):
             there = There.PARTIAL
     if stage == "refine" and store is not None:
-        most = len(stored_points(store, named.case_id, case.refine.points_per_curve))
-        there = There.PARTIAL if there is There.COMPLETE and points < most else there
+        most = len(stored_points(store, named.case_id, case.refine.points_per_curve)) or None
+        there = There.PARTIAL if there is There.COMPLETE and points < (most or 0) else there
     if stage == "bifurcation_set" and there not in (There.FAILED, There.OTHERWISE):
         there = _searched(groups, case, there)
     return Planned(named.case_id, stage, there, points, most, None, _DECIDED_BY.get(stage, ""))
@@ -237,8 +237,7 @@ def _with_time(found: Planned, case: Case, durations: Durations) -> Planned:
         return replace(found, seconds=0.0, note="")
     each = _one_point(found.stage, case, durations)
     if each is None:
-        known = found.stage in ("refine", "continue_tori")
-        return found if known else replace(found, note="there is no equilibrium to measure at")
+        return replace(found, note="there is no equilibrium to measure at")
     if found.most is None:
         return replace(found, note=f"{found.note}; a point takes about {each:.2g} s")
     more = "without branches of doubled cycles" if _doubles(found.stage, case) else ""
@@ -255,7 +254,9 @@ def _one_point(stage: str, case: Case, durations: Durations) -> float | None:
     if stage == "calibrate":
         cycle = durations.of_cycle(case)
         return None if cycle is None else CYCLES_PER_ONSET * _onsets(case) * cycle
-    return None if stage in ("refine", "continue_tori") else durations.of_curve_point(case)
+    if stage == "refine":
+        return durations.of_refined_point(case)
+    return durations.of_torus(case) if stage == "continue_tori" else durations.of_curve_point(case)
 
 
 def _onsets(case: Case) -> int:

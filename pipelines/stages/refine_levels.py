@@ -67,7 +67,18 @@ class Level:
 
 
 def build_level(case: Case, grid: Grid) -> Level:
-    """The case on another grid, its time steps chosen with the tighter tolerance."""
+    """The machine and its cycles on another grid."""
+    finer = case_on(case, grid)
+    if finer is None:
+        return Level(grid, None, None)
+    machine = build_machine(finer)
+    return Level(grid, machine, cycle_problem(machine, finer))
+
+
+def case_on(case: Case, grid: Grid) -> Case | None:
+    """The case on another grid, its time steps chosen with the tighter tolerance; None for a grid that no
+    configuration may have.
+    """
     numerics, plain = case.numerics, case.model_dump(mode="json")
     steps = numerics.steps_per_period
     plain["numerics"] |= {
@@ -77,11 +88,9 @@ def build_level(case: Case, grid: Grid) -> Level:
         "steps_per_period": None if steps is None else 2 * steps,
     }
     try:
-        finer = Case.model_validate(plain)
-    except ValueError:  # what a configuration may not have
-        return Level(grid, None, None)
-    machine = build_machine(finer)
-    return Level(grid, machine, cycle_problem(machine, finer))
+        return Case.model_validate(plain)
+    except ValueError:
+        return None
 
 
 @dataclass(frozen=True)

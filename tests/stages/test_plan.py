@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from pipelines.case.reading import NamedCase
+from pipelines.datasets.store import open_for_reading
 from pipelines.stages.durations import Durations
 from pipelines.stages.plan import Planned, There, plan
+from pipelines.stages.refine_points import stored_points
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import tree
 
@@ -87,8 +89,16 @@ def test_stages_whose_length_nobody_knows(begun: Path) -> None:
     stages = ("track_pd", "track_ns", "track_folds", "refine", "continue_tori")
     found = planned(case, begun, *stages)
     assert [each.seconds for each in found.values()] == [None] * 5
-    assert all(each.note for each in found.values())
-    assert found["refine"].most == 0
+    assert all("a point takes about" in each.note for each in found.values())
+
+
+def test_bifurcations_that_are_there_are_counted_for_refinement(tmp_path: Path) -> None:
+    case = tiny_case()
+    Watched("continue_cycles", case, tmp_path / "a.zarr")
+    assert len(stored_points(open_for_reading(tmp_path / "a.zarr"), case.case_id, 1)) == 1
+    found = planned(case, tmp_path / "a.zarr", "refine")["refine"]
+    assert (found.there, found.points, found.most) == (There.NOTHING, 0, 1)
+    assert found.seconds > 0.0
 
 
 def test_without_excitation_there_is_no_plane_to_search() -> None:
@@ -132,6 +142,13 @@ def test_cases_of_the_same_grid_are_measured_once() -> None:
     with_forms = durations.of_curve_point(tiny_case().case)
     without = durations.of_curve_point(tiny_case("track_curves.normal_forms=false").case)
     assert with_forms == pytest.approx(3.0 * without)
+
+
+def test_a_refined_point_is_measured_on_its_own_grids() -> None:
+    few, many = (tiny_case(f"refine.factors={factors}").case for factors in ([1.25, 1.5], [2.0, 3.0]))
+    durations = Durations()
+    assert durations.of_refined_point(many) > durations.of_refined_point(few) > 0.0
+    assert durations.of_torus(few) > durations.of_cycle(few)
 
 
 def test_an_explicit_stepper_that_needs_very_many_steps_is_measured_on_few() -> None:
