@@ -23,6 +23,7 @@ from typing import Any
 
 import dask
 from distributed import Client, Event, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin, get_worker
+from distributed.client import FutureCancelledError
 from distributed.comm.core import CommClosedError
 
 from pipelines.case.reading import NamedCase
@@ -95,6 +96,8 @@ def _lost_connections() -> Iterator[None]:
     """
     try:
         yield
+    except FutureCancelledError as error:  # nothing else cancels what is still asked for
+        raise ClusterError(f"the connection to the cluster is lost: {error}") from error
     except OSError as error:
         if error.errno is not None and not isinstance(error, CommClosedError):
             raise
@@ -201,14 +204,13 @@ class _Campaign:
         """Results of a task that has ended, and of those that cannot follow it; what can waits again."""
         self.tell()
         chain, case_id = run.chain, run.chain.case.case_id
-        if run.future.status == "finished":
-            record = run.future.result()
-            if record is None:  # asked to stop before it had begun
-                return
-            yield chain.stages.pop(0), StageResult.from_dict(record)
-            chain.deaths = 0
-            if chain.stages:
-                self.waiting.appendleft(chain)
+        records = _records(run.future)
+        if records is not None:
+            for record in records:
+                yield chain.stages.pop(0), StageResult.from_dict(record)
+                chain.deaths = 0
+                if chain.stages:
+                    self.waiting.appendleft(chain)
             return
         error = _error(run.future)
         if isinstance(error, OSError | MemoryError):
@@ -221,6 +223,21 @@ class _Campaign:
         for stage in chain.stages[1:]:
             reason = f"not computed: {chain.stages[0]} did not end"
             yield stage, StageResult(case_id, False, reason, "run the command again to try once more")
+
+
+def _records(future: Future[Any]) -> list[dict[str, Any]] | None:
+    """The result of a task, or nothing where it was asked to stop before it began; None when it did not end.
+
+    A result stays with its worker: one that died after it had computed it never gives it, and Dask would wait
+    for that worker for ever.
+    """
+    if future.status != "finished":
+        return None
+    try:
+        found: list[dict[str, Any]] = future.result(timeout=_CONNECTION_TIMEOUT)
+    except TimeoutError:
+        return None
+    return found
 
 
 def _error(future: Future[Any]) -> BaseException | None:
@@ -249,10 +266,10 @@ def _lost(case_id: str, error: BaseException | None) -> StageResult:
     )
 
 
-def _on_worker(work: Mapping[str, Any]) -> dict[str, Any] | None:
-    """One task, in the process of a worker; None when it was asked to stop before it began."""
+def _on_worker(work: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One task, in the process of a worker; nothing when it was asked to stop before it began."""
     should_stop = _Asked(Event(_STOP).is_set)
-    return None if should_stop() else run_task(work, _Sender(), should_stop)
+    return [] if should_stop() else [run_task(work, _Sender(), should_stop)]
 
 
 class _Asked:

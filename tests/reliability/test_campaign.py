@@ -17,6 +17,7 @@ from pathlib import Path
 
 import dask
 import pytest
+from distributed import Client, wait
 from typer.testing import CliRunner
 
 from agfb_cli.main import app
@@ -187,6 +188,21 @@ def test_a_worker_of_a_cluster_is_killed(
     workers[0].kill()
     assert forked.finish(process) == 0, forked.messages(folder)
     assert_same(alone, folder)
+
+
+def test_a_result_that_died_with_its_worker_is_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Dask would compute it again on the same worker, which never comes back."""
+    monkeypatch.setattr(campaign, "_CONNECTION_TIMEOUT", 1)
+    with small_cluster(tmp_path, 1) as machines, Client(machines.address) as client:
+        client.wait_for_workers(1)
+        (address,) = client.nthreads()
+        future = client.submit(list, pure=False, workers=[address])
+        wait(future)
+        assert campaign._records(future) == []
+        machines.kill_worker(0)
+        assert campaign._records(future) is None
 
 
 def test_killed_drivers_and_workers(tmp_path: Path, alone: Path, kills: int) -> None:
