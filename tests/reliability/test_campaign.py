@@ -222,12 +222,13 @@ def test_killed_drivers_and_workers(tmp_path: Path, alone: Path, kills: int) -> 
                     forked.wait_for(lambda at=folder, wanted=wanted: sum(points(at)) >= wanted, process)
                     time.sleep(moments.uniform(0.0, 0.3))
                     if process.exitcode is None:
-                        left -= 1
-                        if left % 2:
+                        if left % 2 == 0:
                             process.kill()
                             break
                         machines.kill_worker(moments.randrange(2))
+                        left -= 1
                 code = forked.finish(process)
+                left -= code == -signal.SIGKILL  # and not where it ended just before
                 codes[code] += 1
                 told = forked.messages(folder)
                 assert code in (0, 3, 4, -signal.SIGKILL), told
