@@ -20,7 +20,7 @@ $(INSTALLED): pyproject.toml
 test: $(INSTALLED) ## run the tests (WORKERS processes)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-torture: $(INSTALLED) ## kill 500 processes in every test of reliability, try 10000 configurations (hours)
+torture: $(INSTALLED) ## kill 500 processes in every test of reliability, try 10000 configurations (an hour)
 	$(BIN)/python -m pytest tests/reliability --kills 500 --hypothesis-profile torture
 
 lint: $(INSTALLED) ## check style and types
