@@ -34,6 +34,7 @@ def start(
 ) -> ForkServerProcess:
     """`agfb WORDS` in a folder, after ``prelude(*arguments)``; its stderr is added to the file MESSAGES."""
     folder.mkdir(exist_ok=True)
+    (folder / MESSAGES).touch()  # a child may be killed before it writes any
     return fork(_run, folder, list(words), prelude, arguments)
 
 
