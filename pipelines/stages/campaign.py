@@ -47,7 +47,7 @@ SETTINGS: Mapping[str, Any] = MappingProxyType(
         # with Dask's 64 KiB every larger temporary asks the system for new pages: a quarter more time
         "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
         "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 24,
-        # what Dask watches for a dashboard that is off took a tenth of each core from the cases
+        # what Dask watches for a dashboard that is off took 7 % of two cores from their cases
         "distributed.worker.profile.enabled": False,
         "distributed.admin.tick.interval": "1s",
         "distributed.admin.system-monitor.interval": "5s",
