@@ -9,7 +9,8 @@ with it. The liberties that are taken:
 - /shared/results, on the cluster's file system, is the folder build.
 
 The other programs are not run: make rehearses (its targets and variables must exist), and the options of dask
-must be ones that it has; `exec` and `srun` start one of these. Any other command is an error.
+must be ones that it has; `exec` and `srun` start one of these; `export` sets what agfb sets for its own
+workers. Any other command is an error.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ from distributed.cli import dask_scheduler, dask_worker
 from typer.testing import CliRunner
 
 from agfb_cli.errors import ExitCode
-from agfb_cli.main import app
+from agfb_cli.main import BLAS_THREAD_VARIABLES, app
 from agfb_cli.pool import choose_pool
+from pipelines.stages.campaign import SETTINGS
 from tests.helpers.tiny import ROOT, TINY
 
 STEPWISE = ROOT / "configs" / "your_rotor.md"  # first, from nothing: the others shall not do its work
@@ -152,6 +154,15 @@ def parse_dask(words: list[str]) -> None:
     DASK[words[0]].make_context(f"dask {words[0]}", words[1:])
 
 
+def exported(words: list[str]) -> None:
+    """The environment of a cluster's workers is the one that agfb gives its own."""
+    for name, value in (word.split("=") for word in words):
+        expected = (
+            1 if name in BLAS_THREAD_VARIABLES else SETTINGS[f"distributed.nanny.pre-spawn-environ.{name}"]
+        )
+        assert int(value) == expected
+
+
 def launched(words: list[str]) -> None:
     """What `srun` starts stands behind its own options."""
     follow(list(dropwhile(lambda word: word.startswith("--"), words)))
@@ -165,6 +176,7 @@ RULES: Mapping[str, Callable[[list[str]], None]] = MappingProxyType(
         "dask": parse_dask,
         "srun": launched,
         "exec": follow,
+        "export": exported,
     }
 )
 

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from pipelines.case.reading import NamedCase
+from pipelines.case.torus_settings import FEWEST_ANGLES
 from pipelines.datasets.store import open_for_reading
+from pipelines.stages import durations
 from pipelines.stages.durations import Durations
 from pipelines.stages.plan import Planned, There, plan
 from pipelines.stages.refine_points import stored_points
@@ -136,19 +138,20 @@ def test_a_run_in_time(tmp_path: Path) -> None:
 
 
 def test_cases_of_the_same_grid_are_measured_once() -> None:
-    durations = Durations()
-    first = durations.of_cycle(tiny_case().case)
-    assert durations.of_cycle(tiny_case("continue_cycles.max_points=3").case) == first
-    with_forms = durations.of_curve_point(tiny_case().case)
-    without = durations.of_curve_point(tiny_case("track_curves.normal_forms=false").case)
+    measured = Durations()
+    first = measured.of_cycle(tiny_case().case)
+    assert measured.of_cycle(tiny_case("continue_cycles.max_points=3").case) == first
+    with_forms = measured.of_curve_point(tiny_case().case)
+    without = measured.of_curve_point(tiny_case("track_curves.normal_forms=false").case)
     assert with_forms == pytest.approx(3.0 * without)
 
 
-def test_a_refined_point_is_measured_on_its_own_grids() -> None:
-    few, many = (tiny_case(f"refine.factors={factors}").case for factors in ([1.25, 1.5], [2.0, 3.0]))
-    durations = Durations()
-    assert durations.of_refined_point(many) > durations.of_refined_point(few) > 0.0
-    assert durations.of_torus(few) > durations.of_cycle(few)
+def test_a_refined_point_takes_a_part_of_every_grid(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(durations, "_pass", lambda machine, case: float(case.numerics.circumferential))
+    case = tiny_case("refine.factors=[1.25, 1.5]").case
+    grids = 16.0 + 20.0 + 24.0 + 16.0
+    assert Durations().of_refined_point(case) == durations.PASSES_PER_LEVEL * grids
+    assert Durations().of_torus(case) == durations.PASSES_PER_ANGLE * FEWEST_ANGLES * 16.0
 
 
 def test_an_explicit_stepper_that_needs_very_many_steps_is_measured_on_few() -> None:
