@@ -161,8 +161,9 @@ def _found(stage: str, named: NamedCase, store: Store | None) -> Planned:
         if len(own) < len(continue_cycles.directions(case)):
             there = There.PARTIAL
     if stage == "refine" and store is not None:
-        most = len(stored_points(store, named.case_id, case.refine.points_per_curve)) or None
-        there = There.PARTIAL if there is There.COMPLETE and points < (most or 0) else there
+        stored = len(stored_points(store, named.case_id, case.refine.points_per_curve))
+        most = stored or None  # those that earlier stages will find are not known
+        there = There.PARTIAL if there is There.COMPLETE and points < stored else there
     if stage == "bifurcation_set" and there not in (There.FAILED, There.OTHERWISE):
         there = _searched(groups, case, there)
     return Planned(named.case_id, stage, there, points, most, None, _DECIDED_BY.get(stage, ""))
