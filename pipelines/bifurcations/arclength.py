@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipelines.bifurcations.acceptance import refusal
 from pipelines.bifurcations.branch import (
     BranchPoint,
     BranchResult,
@@ -28,12 +29,13 @@ from pipelines.bifurcations.detection import (
     Event,
     EventKind,
     LocationStop,
-    detect,
     evaluate_tests,
     explains,
+    kinds_between,
     locate,
     unstable_count,
 )
+from pipelines.bifurcations.dips import dips_inside
 from pipelines.bifurcations.segment import Metric, Segment, metric_of
 from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start
 from pipelines.orbits.period_map import PhaseReference
@@ -52,6 +54,7 @@ from pipelines.orbits.shooting import (
 from pipelines.orbits.time_steps import StepDemand, first_steps, following_steps, step_demand
 
 _NO_DEMAND = StepDemand(0, math.nan)  # of a correction without a cycle
+_TWICE = "a multiplier crosses the unit circle and returns within the step"
 _UNEXPLAINED = "the number of unstable multipliers changes without an event to explain it"
 
 
@@ -157,6 +160,8 @@ def _open_branch(
         step_error=demand.error,
         basis=following_basis(problem, cycle),
         multipliers=cycle.spectrum.multipliers,
+        previous_multipliers=np.zeros(0, dtype=complex),
+        previous_arclength=0.0,
         start_state=at.state,
         start_period=at.period,
         start_parameter=at.parameter,
@@ -193,9 +198,14 @@ def _attempt(
             segment = _segment(problem, state, options, metric, landing, reference)
             if isinstance(segment, _Rejected):
                 return segment
-    found = _events(segment, options.detection, accept_anyway=_is_shortest(state, options))
+    shortest = _is_shortest(state, options)
+    found = _events(segment, options.detection, accept_anyway=shortest)
     if isinstance(found, _Rejected):
         return found
+    if dips_inside(segment, state.previous_multipliers, state.arclength - state.previous_arclength):
+        if not shortest:
+            return _Rejected(_TWICE)
+        found = replace(found, unexplained=True)
     return _Step(_point(problem, correction, segment.end, demand, found), segment, found.located)
 
 
@@ -222,10 +232,7 @@ def _segment(
     if tangent is None:
         return _Rejected("the tangent is singular")
     tangent = tangent.scaled(1.0 / metric.norm(tangent))
-    bends = metric.inner(tangent, state.tangent) < options.minimum_cosine
-    if bends and not _is_shortest(state, options):
-        return _Rejected("the branch bends too much within the step")
-    return Segment(
+    segment = Segment(
         problem,
         metric,
         state.unknowns,
@@ -236,6 +243,10 @@ def _segment(
         state.basis,
         reference,
     )
+    message = refusal(
+        metric, state.tangent, chord, tangent, options.minimum_cosine, segment.missed_middle
+    )
+    return segment if message is None else _Rejected(message)
 
 
 def _predict_and_correct(
@@ -308,8 +319,7 @@ def _events(segment: Segment, options: DetectionOptions, accept_anyway: bool) ->
     autonomous = segment.problem.period_map.autonomous
     before = evaluate_tests(segment.start_multipliers, autonomous)
     after = evaluate_tests(segment.end.spectrum.multipliers, autonomous)
-    turned = segment.start_tangent.parameter * segment.end_tangent.parameter < 0.0
-    kinds = tuple(kind for kind in detect(before, after, turned) if kind in options.kinds)
+    kinds = tuple(kind for kind in kinds_between(segment, before, after) if kind in options.kinds)
     complete = len(options.kinds) == len(EventKind)
     if complete and not accept_anyway and not explains(before, after, kinds):
         return _Rejected(_UNEXPLAINED)
@@ -319,7 +329,7 @@ def _events(segment: Segment, options: DetectionOptions, accept_anyway: bool) ->
         outcome, event = locate(segment, kind, options)
         if event is not None:
             events.append(event)
-        elif outcome is LocationStop.NOT_CONVERGED:
+        elif outcome is not LocationStop.NEUTRAL_SADDLE:
             if not accept_anyway:
                 return _Rejected(outcome.value)
             unlocated.append(kind)
@@ -402,4 +412,6 @@ def _advance(
         step_error=step.point.step_error,
         basis=following_basis(problem, cycle),
         multipliers=cycle.spectrum.multipliers,
+        previous_multipliers=state.multipliers,
+        previous_arclength=state.arclength,
     )

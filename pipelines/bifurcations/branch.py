@@ -76,7 +76,8 @@ class BranchState(PlainState):
     A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``,
     ``start_state`` (N,), ``basis`` (N, k), ``multipliers`` (m,) complex; ``index`` counts the recorded points
     from zero; ``step`` is the next arclength step; ``steps`` are per period and leave ``step_error`` in the
-    multipliers; ``start_*`` is the first point, for closed curves.
+    multipliers; ``previous_*`` is the point before, without multipliers at the first one; ``start_*`` is the
+    first point, for closed curves.
     """
 
     index: int
@@ -92,6 +93,8 @@ class BranchState(PlainState):
     step_error: float
     basis: Matrix
     multipliers: Complex
+    previous_multipliers: Complex
+    previous_arclength: float
     start_state: Vector
     start_period: float
     start_parameter: float

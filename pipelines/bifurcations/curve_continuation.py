@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipelines.bifurcations.codimension_two import MEETING_CURVES, crossed, resonant_end, settled
+from pipelines.bifurcations.acceptance import refusal
+from pipelines.bifurcations.codimension_two import crossed, resonant_end, settled
 from pipelines.bifurcations.correction import Closing, CurveCorrection
 from pipelines.bifurcations.curve import (
     CurveLimit,
@@ -55,7 +56,7 @@ from pipelines.orbits.time_steps import following_steps
 # too large, else the next one has more steps.
 _REPEATED = 3.0
 _RECENT = 10  # points that a curve may be near to because it has just left them
-_STARTED = 1e-4  # arclength within which a resonance found again is the one that the curve starts from
+_STARTED = 5e-3  # share of its change in a step within which a test at the first point is zero there
 
 
 def continue_curve(
@@ -110,10 +111,11 @@ def continue_curve(
             continue
         if limit is not None and (message := limit(step.end.point)) is not None:
             return CurveResult(CurveStop.LIMIT, state, message)
-        known = dict(traced or {})
+        name = _along(state, step.end, traced or {}, options)
         if not _returned(state, step.end.position, metric):
-            known["itself"] = own.without_last(_RECENT)
-        if (name := _along(state, step.end, known, options)) is not None:
+            itself = {"itself": own.without_last(_RECENT)}
+            name = name or _along(state, step.end, itself, options, same_sense=True)
+        if name is not None:
             return CurveResult(CurveStop.TRACED, state, f"it runs along {name}")
         state = _advance(problem, state, step, options)
         record(step.end.point, state, step.specials)
@@ -152,10 +154,15 @@ def _stop_reason(
 
 
 def _along(
-    state: CurveState, end: CurveEnd, traced: Mapping[str, TracedCurve], options: CurveOptions
+    state: CurveState,
+    end: CurveEnd,
+    traced: Mapping[str, TracedCurve],
+    options: CurveOptions,
+    same_sense: bool = False,
 ) -> str | None:
     """The name of the traced curve that an accepted point and the one before it lie on: a single one may be
-    where two curves cross at a small angle.
+    where two curves cross at a small angle.  A curve comes to itself in the ``same_sense``; the other side of
+    a narrow loop is no part of it.
     """
     begin = _place(state.position, math.acos(min(1.0, max(-1.0, state.kappa))))
     places = (
@@ -163,7 +170,10 @@ def _along(
         (begin, state.tangent_parameters),
     )
     for name, curve in traced.items():
-        if all(curve.runs_along(place, tangent, options.parameter_scales) for place, tangent in places):
+        if all(
+            curve.runs_along(place, tangent, options.parameter_scales, same_sense)
+            for place, tangent in places
+        ):
             return name
     return None
 
@@ -187,10 +197,13 @@ def _attempt(
         landing = _land_on_start(segment, state, options)
         if landing is not None and _returned(state, landing.position, metric):
             segment = replace(segment, end=landing)
-    cosine = metric.inner(segment.end.tangent, state.tangent)
-    if cosine < options.minimum_cosine and not _is_shortest(state, options):
-        return _Rejected("the curve bends too much within the step")
-    return _with_specials(segment, state, options)
+    # the test function of equations that are only piecewise smooth has corners; curves of one kind cross in
+    # symmetric systems only
+    cosine = None if _is_shortest(state, options) else options.minimum_cosine
+    message = refusal(
+        metric, state.tangent, segment.chord, segment.end.tangent, cosine, segment.missed_middle
+    )
+    return _with_specials(segment, state, options) if message is None else _Rejected(message)
 
 
 def _is_shortest(state: CurveState, options: CurveOptions) -> bool:
@@ -307,8 +320,6 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
             unlocated.append(special)
             continue
         point, there = located
-        if point is not None and _is_where_it_starts(point, segment, state):
-            continue
         if point is not None:
             specials.append(point)
         if resonant_end(segment.problem.kind, there.point.kappa) is special and point is not None:
@@ -318,19 +329,19 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
     return _Step(end, segment.metric.norm(end.position.minus(segment.start)), kept)
 
 
-def _is_where_it_starts(point: SpecialPoint, segment: CurveSegment, state: CurveState) -> bool:
-    """Whether a special point is the one that the curve was started from, found again with other time steps.
-
-    The test of a generalised flip vanishes at R2 too.
-    """
-    may_start = point.kind in MEETING_CURVES or point.kind is SpecialKind.GENERALISED_FLIP
-    return may_start and state.index == 0 and point.fraction * segment.length < _STARTED
-
-
 def _brackets(points: SegmentPoints, state: CurveState) -> list[Bracket]:
-    """Where the special points of a segment lie."""
+    """Where the special points of a segment lie.
+
+    A curve that starts on one may find it again with other time steps, on either side of its first point: the
+    step that comes back there has it, the one that leaves does not.
+    """
     segment = points.segment
     before, after = settled(state.tests), settled(segment.end.tests)
+    nothing = _STARTED * np.abs(after - before)
+    if state.index == 0:
+        before = np.where(np.abs(before) < nothing, 0.0, before)
+    if _returned(state, segment.end.position, segment.metric):
+        after = np.where(np.abs(after) < nothing, 0.0, after)
     brackets = [
         Bracket(special, (0.0, 1.0), (float(before[special - 1]), float(after[special - 1])))
         for special in crossed(before, after)

@@ -21,6 +21,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import brentq
 
+from pipelines.bifurcations.halving import own_doubling, passes_own_doubling
 from pipelines.bifurcations.segment import Segment
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle, Unknowns, tangent_at
@@ -28,16 +29,22 @@ from pipelines.orbits.system import Vector
 
 _OUTSIDE = 1e-9  # the residual asked of a multiplier: nearer to the unit circle is reported as on it
 _REAL = 1e-6  # imaginary part, relative to the modulus, below which a multiplier is taken as real
+_JUMP = 0.01  # share of its distance at the ends that a multiplier may be from critical where it is located
 _DIFFERENCE_FRACTION = 0.05  # of the segment, for the derivative of the modulus
 
 
 class EventKind(IntEnum):
-    """Bifurcations of cycles on a branch."""
+    """Bifurcations of cycles on a branch.
+
+    ``OWN_PERIOD_DOUBLING``: of the cycle of half the period, which a branch of doubled cycles comes from or
+    comes back to.
+    """
 
     FOLD = 1
     PERIOD_DOUBLING = 2
     NEIMARK_SACKER = 3
     BRANCH_POINT = 4
+    OWN_PERIOD_DOUBLING = 5
 
 
 class Resonance(IntEnum):
@@ -56,6 +63,7 @@ class LocationStop(Enum):
     LOCATED = "located"
     NEUTRAL_SADDLE = "a real pair with product one: no bifurcation"
     NOT_CONVERGED = "a cycle inside the bracket did not converge: use smaller steps"
+    JUMPS = "a multiplier jumps across the unit circle inside the step, from one branch to another"
 
 
 @dataclass(frozen=True)
@@ -73,6 +81,7 @@ class DetectionOptions:
         EventKind.PERIOD_DOUBLING,
         EventKind.NEIMARK_SACKER,
         EventKind.BRANCH_POINT,
+        EventKind.OWN_PERIOD_DOUBLING,
     )
 
     def __post_init__(self) -> None:
@@ -187,20 +196,36 @@ def detect(before: BifurcationTests, after: BifurcationTests, turned: bool) -> t
     return tuple(kinds)
 
 
+def kinds_between(
+    segment: Segment, before: BifurcationTests, after: BifurcationTests
+) -> tuple[EventKind, ...]:
+    """What the ends of a segment tell of the bifurcations on it."""
+    turned = segment.start_tangent.parameter * segment.end_tangent.parameter < 0.0
+    kinds = detect(before, after, turned)
+    at_one = {EventKind.FOLD, EventKind.BRANCH_POINT}
+    if at_one.isdisjoint(kinds) or not passes_own_doubling(segment):
+        return kinds
+    return (EventKind.OWN_PERIOD_DOUBLING, *(kind for kind in kinds if kind not in at_one))
+
+
 def explains(
     before: BifurcationTests, after: BifurcationTests, kinds: tuple[EventKind, ...], confirmed: bool = False
 ) -> bool:
     """Whether the events found can account for the change in the number of unstable multipliers.
 
     A fold, branch point or period doubling moves one multiplier across the circle, a Neimark-Sacker point two
-    and a neutral saddle, which the same test function reports until it is located (``confirmed``), none.  If
-    they cannot, two events lie between the cycles and the step is too long.
+    and a neutral saddle, which the same test function reports until it is located (``confirmed``), none; nor
+    does the period doubling of half the period.  If they cannot, two events lie between the cycles and the
+    step is too long.
     """
     if EventKind.FOLD in kinds and not _changes_sign(before.fold, after.fold):
         return False
-    pair = (-2, 2) if confirmed else (-2, 0, 2)
-    moves = [pair if kind is EventKind.NEIMARK_SACKER else (-1, 1) for kind in kinds]
-    return after.unstable - before.unstable in {sum(choice) for choice in product(*moves)}
+    moves = {
+        EventKind.NEIMARK_SACKER: (-2, 2) if confirmed else (-2, 0, 2),
+        EventKind.OWN_PERIOD_DOUBLING: (0,),
+    }
+    choices = product(*(moves.get(kind, (-1, 1)) for kind in kinds))
+    return after.unstable - before.unstable in {sum(choice) for choice in choices}
 
 
 def strong_resonance(angle: float, distance: float) -> Resonance:
@@ -237,6 +262,8 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
     Every evaluation is a corrected cycle in the plane of its fraction, so the root is as sharp as the
     corrector.
     """
+    if kind is EventKind.OWN_PERIOD_DOUBLING:
+        return _locate_own_doubling(segment, options)
     autonomous = segment.problem.period_map.autonomous
     cycles: dict[float, Cycle] = {}
 
@@ -256,6 +283,8 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
     critical = critical_multiplier(kind, cycle.spectrum.multipliers, autonomous)
     if critical is None:
         return LocationStop.NEUTRAL_SADDLE, None
+    if _distance(kind, critical) > _JUMP * _largest_distance(segment, kind):
+        return LocationStop.JUMPS, None
     angle = abs(math.atan2(critical.imag, critical.real))
     resonance = Resonance.NONE
     if kind is EventKind.NEIMARK_SACKER:
@@ -274,6 +303,40 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
         fraction=fraction,
         steps=cycle.steps,
     )
+
+
+def _locate_own_doubling(segment: Segment, options: DetectionOptions) -> tuple[LocationStop, Event | None]:
+    """The period doubling of half the period, found on the simple cycles; their multipliers squared are those
+    of the doubled one.
+    """
+    simple = own_doubling(segment, options.event_tolerance)
+    if simple is None:
+        return LocationStop.NOT_CONVERGED, None
+    multipliers = simple.spectrum.multipliers**2
+    critical = critical_multiplier(EventKind.OWN_PERIOD_DOUBLING, multipliers, False)
+    assert critical is not None
+    return LocationStop.LOCATED, Event(
+        kind=EventKind.OWN_PERIOD_DOUBLING,
+        parameters=simple.parameters,
+        state=simple.unknowns.state,
+        period=2.0 * simple.unknowns.period,
+        multipliers=multipliers,
+        critical=critical,
+        angle=0.0,
+        transversality=math.nan,
+        resonance=Resonance.NONE,
+        residual=_distance(EventKind.OWN_PERIOD_DOUBLING, critical),
+        fraction=0.5,
+        steps=2 * simple.steps,
+    )
+
+
+def _largest_distance(segment: Segment, kind: EventKind) -> float:
+    """From the critical multiplier at either end of a segment to where it is critical."""
+    autonomous = segment.problem.period_map.autonomous
+    ends = (segment.start_multipliers, segment.end.spectrum.multipliers)
+    critical = (critical_multiplier(kind, multipliers, autonomous) for multipliers in ends)
+    return max((_distance(kind, value) for value in critical if value is not None), default=math.inf)
 
 
 class _NotConvergedError(Exception):

@@ -91,3 +91,8 @@ class Segment:
         constraint = Constraint(row, row.dot(self.start) + fraction * row.dot(self.chord))
         guess = self.guess(fraction)
         return correct(self.problem, guess, constraint, self.basis, self.end.steps, self.reference)
+
+    def missed_middle(self) -> float | None:
+        """Distance of the cycle in the middle from the cubic; None when it does not converge."""
+        middle = self.correct_at(0.5).cycle
+        return None if middle is None else self.metric.norm(middle.unknowns.minus(self.guess(0.5)))

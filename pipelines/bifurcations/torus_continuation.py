@@ -17,10 +17,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipelines.bifurcations.acceptance import refusal
 from pipelines.bifurcations.circle import amplitudes, nearest_fraction, resampled, tail
 from pipelines.bifurcations.invariant_curve import (
     Torus,
     TorusCorrection,
+    correct_on_angles,
     correct_torus,
     one_history,
     torus_tangent,
@@ -44,12 +46,15 @@ from pipelines.bifurcations.torus_problem import (
     metric_of,
 )
 from pipelines.bifurcations.torus_stability import TorusSpectrum, settled_spectrum
-from pipelines.bifurcations.walking import adapted_length
+from pipelines.bifurcations.walking import adapted_length, hermite_weights
 from pipelines.orbits.system import Matrix
 
 _SPARE = 0.1  # share of the tolerance below which half of the angles are dropped
 _ROUGH_STEP = 0.25  # of the step after a torus that was too rough: such an attempt is dear
 _NOTHING = 1e-3  # share of the deviation from the mean that a torus may not lose in a step
+# Beside a resonance the rotation changes unevenly: a tangent there differs from the mean over a step by more
+# than along a smooth curve.
+_DOUBTFUL_DEFECT = 0.4
 _LARGEST_DENOMINATOR = 12  # of the resonances that are named
 
 
@@ -173,12 +178,44 @@ def _attempt(
     if tangent is None:
         return _Rejected("the tangent is singular")
     tangent = tangent.scaled(1.0 / metric.norm(tangent))
-    shortest = 0.5 * state.step < options.minimum_step
-    if metric.inner(tangent, tangent_before) < options.minimum_cosine and not shortest:
-        return _Rejected("the branch bends too much within the step")
+    ends = (before, tangent_before, torus.unknowns, tangent)
+    message = refusal(
+        metric,
+        tangent_before,
+        chord,
+        tangent,
+        options.minimum_cosine,
+        lambda: _missed_middle(problem, state, metric, ends),
+        _DOUBTFUL_DEFECT,
+    )
+    if message is not None:
+        return _Rejected(message)
     torus, spectrum = settled_spectrum(problem, torus)
     point = TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms)
     return _Step(point, tangent, length)
+
+
+def _missed_middle(
+    problem: TorusProblem,
+    state: TorusState,
+    metric: TorusMetric,
+    ends: tuple[TorusUnknowns, TorusUnknowns, TorusUnknowns, TorusUnknowns],
+) -> float:
+    """Distance of the torus half-way between two from the cubic through both.
+
+    ``ends``: start, unit tangent there, end, unit tangent there.  Zero when there is no such torus: in a
+    resonance, where nothing can be told of the step.
+    """
+    chord = ends[2].minus(ends[0])
+    weights = hermite_weights(0.5, metric.norm(chord))
+    cubic = ends[0].scaled(weights[0])
+    for weight, part in zip(weights[1:], ends[1:], strict=True):
+        cubic = cubic.plus(part, weight)
+    row = metric.row(chord)
+    constraint = TorusConstraint(row, row.dot(ends[0]) + 0.5 * row.dot(chord))
+    bases = state.slow_bases.resampled(len(cubic.states))
+    torus = correct_on_angles(problem, cubic, constraint, bases, _reference(problem, cubic)).torus
+    return 0.0 if torus is None else metric.norm(torus.unknowns.minus(cubic))
 
 
 def _predict_and_correct(

@@ -67,16 +67,24 @@ class TracedCurve:
         return next(self._slopes_there(start, scales), None) is not None
 
     def runs_along(
-        self, point: CurveStart, tangent: Vector, scales: tuple[float, float] = (1.0, 1.0)
+        self,
+        point: CurveStart,
+        tangent: Vector,
+        scales: tuple[float, float] = (1.0, 1.0),
+        same_sense: bool = False,
     ) -> bool:
         """Whether another curve of the same kind, at this point with the ``tangent`` d parameters /
         d arclength, is this one: two curves that cross share the point, but not the tangent.
+
+        ``same_sense``: the other curve must run forwards along this one.
         """
         other = tangent / np.array(scales)
-        return any(
-            abs(float(slope @ other)) > _PARALLEL * float(np.linalg.norm(slope) * np.linalg.norm(other))
-            for slope in self._slopes_there(point, scales)
-        )
+        for slope in self._slopes_there(point, scales):
+            along = float(slope @ other)
+            along = along if same_sense else abs(along)
+            if along > _PARALLEL * float(np.linalg.norm(slope) * np.linalg.norm(other)):
+                return True
+        return False
 
     def _slopes_there(self, start: CurveStart, scales: tuple[float, float]) -> Iterator[Vector]:
         """Scaled slopes of the segments on which a point lies."""

@@ -313,6 +313,7 @@ CYCLES = GroupSpec(
             "neimark_sacker",
             "branch_point",
             "neutral_saddle",
+            "own_period_doubling",
         ),
         _count("event_after_point", "event", "index of the last point before the event"),
         _real("event_speed", "event", "rotating speed at the event"),

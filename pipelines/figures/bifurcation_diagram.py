@@ -44,6 +44,7 @@ EVENT_MARKS = {
     "neimark_sacker": EventMark("Neimark–Sacker (NS)", "o", style.PURPLE),
     "branch_point": EventMark("branch point (BP)", "^", style.BLACK),
     "neutral_saddle": EventMark("neutral saddle", "X", style.GREY),
+    "own_period_doubling": EventMark("period doubling of half the period", "d", style.ORANGE),
 }
 
 

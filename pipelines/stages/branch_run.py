@@ -16,6 +16,7 @@ from pipelines.orbits.shooting import CycleProblem
 from pipelines.stages.cycle_problem import continuation_options, cycle_problem
 from pipelines.stages.cycle_rows import (
     EVENT_NAMES,
+    RESUMED,
     BranchRecorder,
     branch_sizes,
     resumed_state,
@@ -106,8 +107,8 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
         return continue_branch(problem, start, options, recorder.record, recorder.limit, job.should_stop)
 
     if newest is not None:
-        first = job.read(request.group, ("state", "period", table.parameter)).arrays
-        _end(branch, run(resumed_state(newest, first, table.parameter), request.direction))
+        rows = job.read(request.group, (*RESUMED, table.parameter)).arrays
+        _end(branch, run(resumed_state(newest, rows, table.parameter), request.direction))
         return
     job.tell(0, table.max_points, f"{request.group}: looking for the first cycle")
     failure = NoStart("no cycle was found", "")

@@ -242,9 +242,14 @@ def stored_event(branch: Group, index: int) -> Event:
     )
 
 
-def resumed_state(newest: Resume, first: Mapping[str, Array], parameter: str) -> BranchState:
-    """The state after the newest row; ``first`` holds state, period and parameters of row 0."""
+RESUMED = ("state", "period", "multipliers", "multiplier_count", "arclength")  # what a branch goes on from
+
+
+def resumed_state(newest: Resume, rows: Mapping[str, Array], parameter: str) -> BranchState:
+    """The state after the newest row; ``rows`` holds the arrays ``RESUMED`` and the parameter of all rows."""
     row = newest.row
+    previous = max(0, newest.n_points - 2)
+    known = int(rows["multiplier_count"][previous]) if newest.n_points > 1 else 0
     count, columns = int(row["multiplier_count"]), int(newest.slots["basis_columns"])
     tangent = row["tangent"]
     return BranchState.from_arrays(
@@ -262,8 +267,10 @@ def resumed_state(newest: Resume, first: Mapping[str, Array], parameter: str) ->
             "step_error": row["step_error"],
             "basis": newest.slots["basis"][:, :columns],
             "multipliers": row["multipliers"][:count],
-            "start_state": first["state"][0],
-            "start_period": first["period"][0],
-            "start_parameter": first[parameter][0],
+            "previous_multipliers": rows["multipliers"][previous][:known],
+            "previous_arclength": rows["arclength"][previous],
+            "start_state": rows["state"][0],
+            "start_period": rows["period"][0],
+            "start_parameter": rows[parameter][0],
         }
     )

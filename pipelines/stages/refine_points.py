@@ -115,6 +115,9 @@ def _place(group: Group) -> tuple[int, int]:
     return source, int(name.removeprefix(SOURCES[source]))
 
 
+_REFINED = (EventKind.FOLD, EventKind.PERIOD_DOUBLING, EventKind.NEIMARK_SACKER)
+
+
 def _events(group: Group) -> Iterator[StoredPoint]:
     """Located folds, period doublings and Neimark-Sacker points of a branch."""
     kinds, free = KINDS["cycles"].array("event_kind").flags, str(group.attributes["parameter"])
@@ -123,7 +126,7 @@ def _events(group: Group) -> Iterator[StoredPoint]:
     steps = group["steps_per_period"]
     for index in range(group.n_events):
         kind = EventKind.__members__.get(kinds[int(group["event_kind"][index])].upper())
-        if kind in (None, EventKind.BRANCH_POINT) or not math.isfinite(group["event_residual"][index]):
+        if kind not in _REFINED or not math.isfinite(group["event_residual"][index]):
             continue
         assert kind is not None
         # an event is located with the steps of the point behind it

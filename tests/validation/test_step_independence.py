@@ -1,0 +1,134 @@
+"""What lies on a branch or a curve does not depend on how it is walked along: step lengths and scales."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import BranchPoint, BranchResult, BranchStart, ContinuationOptions
+from pipelines.bifurcations.detection import Event, EventKind
+from pipelines.orbits.period_map import Formulation, PeriodMap
+from pipelines.orbits.shooting import CycleProblem, ShootingOptions
+from pipelines.orbits.steppers import DOPRI8
+from pipelines.orbits.system import DynamicalSystem, ode_system
+
+# Longest steps and factors of the parameter's scale; with a scale a hundred times smaller a step is so short
+# that one length of it is enough.
+WALKS = [*((longest, scale) for scale in (1.0, 100.0) for longest in (0.2, 0.1, 0.05, 0.025)), (0.2, 0.01)]
+
+
+def walked(
+    problem: CycleProblem, start: BranchStart, interval: tuple[float, float], scale: float, longest: float
+) -> tuple[BranchResult, list[BranchPoint], list[Event]]:
+    points: list[BranchPoint] = []
+    events: list[Event] = []
+
+    def record(point, state, found):  # type: ignore[no-untyped-def]
+        points.append(point)
+        events.extend(found)
+
+    options = ContinuationOptions(interval, maximum_step=longest, parameter_scale=scale, max_points=20000)
+    return continue_branch(problem, start, options, record), points, events
+
+
+# --- The forced Hopf normal form z' = (m + i) z - z |z|^2 + F exp(i omega t) ----------------------------
+
+_GROWTH, _DETUNING = 1.0, 0.55
+
+
+def forced_hopf() -> DynamicalSystem:
+    """Parameters (omega, F).  With R = |z|^2 and sigma = omega - 1 cycles have F^2 = R ((m - R)^2 + sigma^2),
+    multipliers exp(lambda T) with lambda = m - 2 R +- sqrt(R^2 - sigma^2), Neimark-Sacker points at R = m/2 and
+    folds at 3 R = 2 m +- sqrt(m^2 - 3 sigma^2).
+    """
+
+    def rates(phase, s, p):  # type: ignore[no-untyped-def]
+        excess = _GROWTH - s[0] ** 2 - s[1] ** 2
+        return [
+            excess * s[0] - s[1] + p[1] * math.cos(phase),
+            excess * s[1] + s[0] + p[1] * math.sin(phase),
+        ]
+
+    def jacobian(phase, s, p):  # type: ignore[no-untyped-def]
+        excess = _GROWTH - s[0] ** 2 - s[1] ** 2
+        return [
+            [excess - 2.0 * s[0] ** 2, -1.0 - 2.0 * s[0] * s[1]],
+            [1.0 - 2.0 * s[0] * s[1], excess - 2.0 * s[1] ** 2],
+        ]
+
+    return ode_system(rates, jacobian, 2, ("omega", "F"), "omega")
+
+
+def force(squared: float) -> float:
+    return math.sqrt(squared * ((_GROWTH - squared) ** 2 + _DETUNING**2))
+
+
+@pytest.mark.parametrize(("longest", "scale"), WALKS)
+def test_forced_hopf(longest: float, scale: float) -> None:
+    """A Neimark-Sacker point and two folds within 0.004 of F, between F = 0.1 and 1."""
+    problem = CycleProblem(
+        PeriodMap(forced_hopf(), DOPRI8), np.array([1.0 + _DETUNING, 0.1]), "F", ShootingOptions(1e-11)
+    )
+    # near z = 0: z = F exp(i phase)/(i sigma - m)
+    w = 0.1 / (1j * _DETUNING - _GROWTH)
+    start = BranchStart(np.array([w.real, w.imag]), 0.1)
+    result, points, events = walked(problem, start, (0.1, 1.0), 0.1 * scale, longest)
+    assert result.stop.name == "RANGE"
+    assert points[-1].cycle.unknowns.parameter == 1.0
+    root = math.sqrt(_GROWTH**2 - 3.0 * _DETUNING**2)
+    expected = [
+        (EventKind.NEIMARK_SACKER, force(0.5 * _GROWTH)),
+        (EventKind.FOLD, force((2.0 * _GROWTH - root) / 3.0)),
+        (EventKind.FOLD, force((2.0 * _GROWTH + root) / 3.0)),
+    ]
+    assert [event.kind for event in events] == [kind for kind, _ in expected]
+    assert np.allclose([e.parameters[1] for e in events], [value for _, value in expected], rtol=0, atol=1e-8)
+    assert not any(point.unexplained for point in points)
+
+
+# --- Langford's system, self-excited ---------------------------------------------------------------------
+
+_TURN, _LEVEL, _ALPHA = 2.5, 1.0, 0.5
+
+
+def langford() -> DynamicalSystem:
+    """x' = (z - b) x - w y, y' = w x + (z - b) y, z' = l + a z - z^3/3 - x^2 - y^2 with parameter b.
+
+    Cycles have z = b, r^2 = l + a b - b^3/3, T = 2 pi/w and the exponents of [[0, r], [-2 r, a - b^2]]: a
+    Neimark-Sacker point at b = +-sqrt(a).
+    """
+
+    def rates(phase, s, p):  # type: ignore[no-untyped-def]
+        growth = s[2] - p[0]
+        height = _LEVEL + _ALPHA * s[2] - s[2] ** 3 / 3.0
+        return [growth * s[0] - _TURN * s[1], _TURN * s[0] + growth * s[1], height - s[0] ** 2 - s[1] ** 2]
+
+    def jacobian(phase, s, p):  # type: ignore[no-untyped-def]
+        growth = s[2] - p[0]
+        return [
+            [growth, -_TURN, s[0]],
+            [_TURN, growth, s[1]],
+            [-2.0 * s[0], -2.0 * s[1], _ALPHA - s[2] ** 2],
+        ]
+
+    return ode_system(rates, jacobian, 3, ("b",))
+
+
+@pytest.mark.parametrize(("longest", "scale"), WALKS)
+def test_langford(longest: float, scale: float) -> None:
+    """The cycles between both Neimark-Sacker points are unstable."""
+    first = -1.0
+    radius = math.sqrt(_LEVEL + _ALPHA * first - first**3 / 3.0)
+    problem = CycleProblem(
+        PeriodMap(langford(), DOPRI8, Formulation.AUTONOMOUS), np.array([first]), "b", ShootingOptions(1e-11)
+    )
+    start = BranchStart(np.array([radius, 0.0, first]), first, 2.0 * math.pi / _TURN)
+    result, points, events = walked(problem, start, (-1.0, 1.0), scale, longest)
+    assert result.stop.name == "RANGE"
+    assert [event.kind for event in events] == [EventKind.NEIMARK_SACKER] * 2
+    root = math.sqrt(_ALPHA)
+    assert np.allclose([event.parameters[0] for event in events], [-root, root], rtol=0, atol=1e-8)
+    assert {point.unstable for point in points} == {0, 2}
