@@ -29,7 +29,7 @@ from pipelines.bifurcations.curve import (
     SpecialPoint,
 )
 from pipelines.bifurcations.curve_corrector import correct_critical
-from pipelines.bifurcations.curve_opening import columns_of, demand_of, open_curve
+from pipelines.bifurcations.curve_opening import columns_of, demand_of, metric_from, open_curve
 from pipelines.bifurcations.curve_segment import (
     Bracket,
     CurveEnd,
@@ -44,7 +44,6 @@ from pipelines.bifurcations.plane import (
     CurveProblem,
     PlaneMetric,
     Position,
-    metric_of,
 )
 from pipelines.bifurcations.traced import TracedCurve
 from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start
@@ -81,13 +80,12 @@ def continue_curve(
     a closed curve.  Raises ValueError when the start lies
     outside the ranges; every other failure is a CurveResult.
     """
-    metric = metric_of(problem, options.parameter_scales)
     if isinstance(start, CurveState):
         state = start
         own = TracedCurve.of([state]) if own is None else own
     else:
         try:
-            opened = open_curve(problem, start, options, metric)
+            opened = open_curve(problem, start, options)
         except np.linalg.LinAlgError:
             opened = CurveResult(CurveStop.START_FAILED, None, "a matrix of the first point is singular")
         if isinstance(opened, CurveResult):
@@ -97,6 +95,7 @@ def continue_curve(
             return CurveResult(CurveStop.LIMIT, None, message)
         record(point, state, ())
         own = TracedCurve.of([state])
+    metric = metric_from(problem, options, state.start)
     while (stop := _stop_reason(problem, state, options, metric)) is None:
         if should_stop is not None and should_stop():
             return CurveResult(CurveStop.INTERRUPTED, state)
@@ -238,16 +237,17 @@ def _predict_and_correct(
             break
         found = correct_critical(problem, guess, closing, basis, frame, steps, reference)
         if found.point is None:
-            return _Rejected(found.stop.advice)
+            return _Rejected(found.advice)
         guess = found.point.position
     if found is None or found.point is None or _bound_passed(guess, options) is not None:
         return _Rejected("the corrector leaves the ranges of the parameters")
     demand, effort = demand_of(problem, found.point, steps), found.iterations
-    if demand.error > _REPEATED * problem.options.step_tolerance and demand.steps > steps:
+    enough = demand.error <= _REPEATED * problem.options.step_tolerance
+    if not enough and demand.steps > steps:
         steps = problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
         again = correct_critical(problem, guess, closing, found.point.basis, frame, steps, reference)
         if again.point is None:
-            return _Rejected(again.stop.advice)
+            return _Rejected(again.advice)
         demand = demand_of(problem, again.point, steps)
         found = _one_history(found, again)
     return _segment(problem, state, options, closing, found, reference, (effort, demand.error))
@@ -263,7 +263,7 @@ def _segment(
     effort_and_error: tuple[int, float],
 ) -> CurveSegment | _Rejected:
     if found.point is None:
-        return _Rejected(found.stop.advice)
+        return _Rejected(found.advice)
     if closing.metric.norm(found.point.position.minus(state.position)) == 0.0:
         return _Rejected("the corrector returned to the previous point")
     end = curve_end(found, found.point, closing, state.tangent, options.normal_form, state.frame)

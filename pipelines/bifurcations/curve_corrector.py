@@ -111,13 +111,13 @@ def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
         linear = passed.linear
         if moved is not None:
             gradient = _learnt(gradient, moved, critical.value - last, critical.error, closing.metric)
-        history = history.and_then(max(linear.residual, abs(closing.gap(at.position))), critical.value)
+        history = history.and_then(max(linear.residual, closing.error(at.position)), critical.value)
         if history.converged(at.problem, critical.error):
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, gradient))
         if history.diverged:
-            return history.ended(NewtonStop.DIVERGED)
+            return history.given_up(NewtonStop.DIVERGED, at)
         if history.stuck(at.problem):
-            return history.ended(NewtonStop.STUCK)
+            return history.given_up(NewtonStop.STUCK, at)
         step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
         if step is None:
             return history.ended(NewtonStop.SINGULAR)
@@ -131,7 +131,7 @@ def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
         moved, last = step.correction.plus(step.across, beta), critical.value
         at, basis = at.beside(moved, 1.0), following(basis, linear.image.columns)
         vectors = Vectors(critical.right, critical.right_period or 0.0)
-    return history.ended(NewtonStop.ITERATIONS)
+    return history.given_up(NewtonStop.ITERATIONS, at)
 
 
 def _learnt(
@@ -156,7 +156,7 @@ def _measured(
     rest = step.correction.plus(across, -metric.inner(across, step.correction))
     size = metric.norm(rest)
     directions = (across,) if size == 0.0 else (across, rest.scaled(1.0 / size))
-    slopes = critical_derivatives(linear.at, linear.basis, critical, directions).values
+    slopes = critical_derivatives(linear, critical, directions, metric).values
     for direction, slope in zip(directions, slopes, strict=True):
         gradient = gradient.plus(metric.row(direction), float(slope) - gradient.dot(direction))
     return gradient

@@ -33,12 +33,15 @@ from pipelines.bifurcations.plane import (
     MapAt,
     PlaneMetric,
     Position,
+    metric_of,
 )
 from pipelines.bifurcations.surface import (
     surface_tangents,
 )
+from pipelines.bifurcations.walking import period_scale
 from pipelines.orbits.floquet import adapted_basis
 from pipelines.orbits.shooting import (
+    NewtonStop,
     correct,
     first_basis,
     reference_of,
@@ -48,7 +51,7 @@ from pipelines.orbits.time_steps import StepDemand, demand_at, first_steps
 
 
 def open_curve(
-    problem: CurveProblem, start: CurveStart, options: CurveOptions, metric: PlaneMetric
+    problem: CurveProblem, start: CurveStart, options: CurveOptions
 ) -> tuple[CurvePoint, CurveState] | CurveResult:
     """Correct the guess at right angles to the curve and orient the curve."""
     for name, value, interval in zip(problem.names, start.parameters, options.ranges, strict=True):
@@ -58,7 +61,10 @@ def open_curve(
         Position(np.array(start.state, dtype=float), start.period, np.array(start.parameters, dtype=float))
     )
     unknowns, cycles = problem.unknowns(guess), problem.cycle_problem(guess)
+    metric = metric_from(problem, options, guess)
     steps = first_steps(cycles, unknowns)
+    if isinstance(steps, NewtonStop):
+        return CurveResult(CurveStop.START_FAILED, None, steps.advice)
     opened = _open_with(problem, start, options, metric, guess, first_basis(cycles, unknowns, steps), steps)
     if isinstance(opened, CurveEnd):
         demand = demand_of(problem, opened, steps)
@@ -73,6 +79,8 @@ def open_curve(
         opened = _facing_inwards(problem, opened, options, metric)
     opened = replace(opened, point=replace(opened.point, step_error=demand.error))
     at = opened.position
+    if problem.period_map.autonomous:
+        opened = _measured_by(opened, metric_from(problem, options, at))
     state = CurveState(
         index=0,
         step=options.step,
@@ -86,6 +94,21 @@ def open_curve(
         **columns_of(problem, opened),
     )
     return opened.point, state
+
+
+def metric_from(problem: CurveProblem, options: CurveOptions, first: Position) -> PlaneMetric:
+    """The metric of a curve with this first point."""
+    period = period_scale(first.state, first.period, options.maximum_step)
+    return metric_of(problem, options.parameter_scales, period)
+
+
+def _measured_by(end: CurveEnd, metric: PlaneMetric) -> CurveEnd:
+    """The same point with tangents of unit length, at right angles, by the metric that the corrected point
+    sets.
+    """
+    tangent = metric.unit(end.tangent)
+    normal = end.normal.plus(tangent, -metric.inner(tangent, end.normal))
+    return replace(end, tangent=tangent, normal=metric.unit(normal))
 
 
 def _open_with(
@@ -114,7 +137,7 @@ def _open_with(
     closing, frame, along = closing_frame
     corrected = correct_critical(problem, guess, closing, basis, frame, steps, reference)
     if corrected.point is None:
-        return corrected.stop.advice
+        return corrected.advice
     end = curve_end(corrected, corrected.point, closing, along, options.normal_form, frame)
     return "the tangent of the first point is singular" if end is None else end
 
@@ -150,7 +173,7 @@ def _first_closing(
         return "the orbit of the guess leaves the domain of the equations or has no critical multipliers"
     linear = passed.linear
     first, second = surface_tangents(linear, metric)
-    derivatives = critical_derivatives(at, basis, critical, (first, second))
+    derivatives = critical_derivatives(linear, critical, (first, second), metric)
     g1, g2 = derivatives.values
     size = float(np.hypot(g1, g2))
     if not size > 0.0:

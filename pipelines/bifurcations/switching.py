@@ -23,6 +23,7 @@ from pipelines.orbits.period_map import PeriodMap, PhaseReference
 from pipelines.orbits.shooting import (
     Constraint,
     CycleProblem,
+    NewtonStop,
     Unknowns,
     correct,
     first_basis,
@@ -104,6 +105,8 @@ def doubled_branch(problem: CycleProblem, event: Event, amplitude: float) -> Dou
     doubled = replace(problem, period_map=doubled_map(problem.period_map))
     at_flip = doubled.consistent(Unknowns(event.state, 2.0 * event.period, parameter))
     steps = first_steps(doubled, at_flip)
+    if isinstance(steps, NewtonStop):
+        return None
     reference: PhaseReference | None = reference_of(doubled, at_flip, steps)
     row, basis = vector / float(vector @ vector), first_basis(doubled, at_flip, steps)
     found: list[Unknowns] = []

@@ -21,6 +21,7 @@ from pipelines.orbits.shooting import (
     Constraint,
     Correction,
     CycleProblem,
+    NewtonStop,
     Unknowns,
     correct,
     first_basis,
@@ -56,6 +57,8 @@ def start_at_hopf(
     row = direction.real / float(direction.real @ direction.real)
     constraint = Constraint(Unknowns(row, 0.0, 0.0), float(row @ equilibrium) + amplitude)
     steps = first_steps(problem, guess)
+    if isinstance(steps, NewtonStop):
+        return Correction(steps, None, (), ())
     reference = _linear_reference(direction, amplitude, equilibrium, period_map.samples)
     return correct(problem, guess, constraint, first_basis(problem, guess, steps), steps, reference)
 
@@ -63,11 +66,7 @@ def start_at_hopf(
 def _linear_reference(
     direction: Complex, amplitude: float, equilibrium: Vector, samples: int
 ) -> PhaseReference:
-    """ds/dtau1 = A Re(2 pi i q exp(2 pi i tau1)) of the linear oscillation, scaled by 1/A.
-
-    Without the scaling the phase row would vanish with the amplitude.
-    """
+    """ds/dtau1 = A Re(2 pi i q exp(2 pi i tau1)) of the linear oscillation."""
     turn = np.exp(2j * math.pi * np.arange(samples) / samples)[:, None]
     orbit = equilibrium + amplitude * (direction * turn).real
-    gradient = np.ascontiguousarray((2j * math.pi * direction * turn).real)
-    return PhaseReference(gradient, float(np.sum(gradient * orbit)) / samples)
+    return PhaseReference.of(orbit, np.ascontiguousarray((1j * direction * turn).real))

@@ -19,6 +19,7 @@ Newton's.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -33,8 +34,13 @@ from pipelines.orbits.floquet import (
     starting_basis,
 )
 from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, PhaseReference
-from pipelines.orbits.system import Matrix, Vector
+from pipelines.orbits.system import Matrix, Vector, size_of
 
+_NUDGE = 4.0 * np.finfo(float).eps  # relative change of a state in its last digits
+_SPARE = 10.0  # tolerance, in residuals that rounding leaves
+_DIGITS = 1e-14  # change of a residual by rounding, at least
+_NOISE = 1e3  # residual that may be rounding, in changes of it by a nudge: errors of stages and sums add up
+_STAGNANT = 0.1  # reduction of the residual in the last iteration that is none
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 
 
@@ -45,9 +51,17 @@ class NewtonStop(Enum):
     ITERATIONS = (
         "the residual is still above the tolerance after the allowed iterations: start closer or allow more"
     )
+    ROUNDING = (
+        "rounding keeps the residual above the tolerance, whatever the step and the iterations: "
+        "raise the tolerance"
+    )
     DIVERGED = "the residual grows: start closer to the cycle or take a smaller continuation step"
     STUCK = "the test function of the bifurcation does not get smaller: take smaller continuation steps"
     NON_FINITE = "the orbit left the domain of the equations: start closer or use more steps per period"
+    TOO_STIFF = (
+        "an explicit stepper needs more than a million time steps per period to be stable: use an implicit "
+        "one, or insist on a number of steps per period"
+    )
     SINGULAR = (
         "the bordered matrix is singular: change the continued parameter or start away from the bifurcation"
     )
@@ -61,7 +75,7 @@ class NewtonStop(Enum):
 class ShootingOptions:
     """Tolerances of the corrector.
 
-    ``tolerance``: largest entry of phi(s) - s, relative to max(1, largest entry of s); ``iterations``: of
+    ``tolerance``: of phi(s) - s, phase and closing row, each relative to its terms; ``iterations``: of
     Newton; ``picard_tolerance``: relative size of the last Picard update; ``picard_sweeps``: their cap;
     ``multiplier_tolerance``: residual asked of every multiplier above ``checked_modulus``, reached by at most
     ``multiplier_sweeps`` further subspace iterations (the residual reached is reported);
@@ -128,6 +142,13 @@ class Constraint:
 
     def gap(self, unknowns: Unknowns) -> float:
         return self.row.dot(unknowns) - self.value
+
+    def error(self, unknowns: Unknowns) -> float:
+        """The gap relative to the largest term of the row."""
+        row = self.row
+        states = np.abs(row.state) @ np.abs(unknowns.state)
+        terms = [states, row.period * unknowns.period, row.parameter * unknowns.parameter, self.value]
+        return abs(self.gap(unknowns)) / size_of(np.array(terms))
 
 
 @dataclass(frozen=True)
@@ -216,6 +237,16 @@ class Correction:
     def iterations(self) -> int:
         return len(self.update_norms)
 
+    @property
+    def advice(self) -> str:
+        """Why the corrector stopped, with what to change."""
+        return advice_of(self.stop, self.residual_norms)
+
+
+def advice_of(stop: NewtonStop, sizes: Sequence[float]) -> str:
+    """The advice of a stop, with the tolerance that rounding allows where it ended the iteration."""
+    return f"{stop.advice} to {_SPARE * max(sizes[-3:]):.0e}" if stop is NewtonStop.ROUNDING else stop.advice
+
 
 def correct(
     problem: CycleProblem,
@@ -239,26 +270,57 @@ def correct(
     def ended(stop: NewtonStop, cycle: Cycle | None = None) -> Correction:
         return Correction(stop, cycle, tuple(residuals), tuple(updates))
 
+    def given_up(stop: NewtonStop) -> Correction:
+        parameters = problem.parameters_at(unknowns.parameter)
+        place = unknowns.state, parameters, unknowns.period, steps
+        return ended(
+            NewtonStop.ROUNDING if is_rounding(problem.period_map, place, reference, residuals) else stop
+        )
+
     linear: Linearisation | None = None
     while True:
         image = _evaluate(problem, unknowns, basis, steps, reference)
         if not image.finite:
             return ended(NewtonStop.NON_FINITE)
-        residuals.append(_residual_norm(unknowns, image, constraint))
+        residuals.append(max(problem.period_map.residual(unknowns.state, image), constraint.error(unknowns)))
         if residuals[-1] <= options.tolerance:
             cycle = _settled(problem, unknowns, basis, image, steps, reference, residuals[-1])
             return ended(NewtonStop.CONVERGED, replace(cycle, linear=linear))
         if residuals[-1] > _DIVERGENCE * min(residuals):
-            return ended(NewtonStop.DIVERGED)
+            return given_up(NewtonStop.DIVERGED)
         if len(updates) == options.iterations:
-            return ended(NewtonStop.ITERATIONS)
+            return given_up(NewtonStop.ITERATIONS)
         linear = _linearise(problem, unknowns, basis, image, steps, reference)
         update = _solve_bordered(problem, linear, constraint.row, constraint.gap(unknowns), image.phase)
         if update is None:
             return ended(NewtonStop.SINGULAR)
         unknowns = problem.consistent(unknowns.plus(update))
-        updates.append(float(np.max(np.abs(update.state))) + abs(update.period) + abs(update.parameter))
+        updates.append(_update_norm(problem, update, unknowns, image))
         basis = _next_basis(image.columns)
+
+
+def is_rounding(
+    period_map: PeriodMap,
+    place: tuple[Vector, Vector, float, int],
+    reference: PhaseReference | None,
+    sizes: Sequence[float],
+) -> bool:
+    """Whether an iteration whose residuals had these ``sizes`` stagnates because of rounding at its ``place``
+    (state, parameters, period, steps): the last digits of the state change the residual by as much.
+    """
+    if len(sizes) < 2 or sizes[-1] < _STAGNANT * min(sizes[:-1]):
+        return False
+    state, parameters, period, steps = place
+    nudged = state * (1.0 + _NUDGE)
+    here, beside = (
+        period_map.evaluate(start, parameters, period, steps, reference=reference)
+        for start in (state, nudged)
+    )
+    if not (here.finite and beside.finite):
+        return False
+    moved = here.state - state + nudged  # where the nudged state would arrive with the residual of the other
+    change = period_map.residual(moved, replace(beside, phase=beside.phase - here.phase))
+    return min(sizes) <= _NOISE * max(change, _DIGITS)
 
 
 def tangent_at(
@@ -353,10 +415,13 @@ def _evaluate(
     )
 
 
-def _residual_norm(unknowns: Unknowns, image: PeriodImage, constraint: Constraint) -> float:
-    scale = max(1.0, float(np.max(np.abs(unknowns.state))))
-    mismatch = float(np.max(np.abs(image.state - unknowns.state))) / scale
-    return max(mismatch, abs(constraint.gap(unknowns)), abs(image.phase))
+def _update_norm(problem: CycleProblem, update: Unknowns, reached: Unknowns, image: PeriodImage) -> float:
+    """Largest relative change of state, period and parameter."""
+    return max(
+        float(np.max(np.abs(update.state))) / problem.period_map.scale(image.orbit),
+        abs(update.period) / size_of(reached.period),
+        abs(update.parameter) / size_of(reached.parameter),
+    )
 
 
 def _linearise(
