@@ -35,7 +35,7 @@ from pipelines.bifurcations.detection import (
     unstable_count,
 )
 from pipelines.bifurcations.segment import Metric, Segment, metric_of
-from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start
+from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start, period_scale
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import (
     Constraint,
@@ -72,17 +72,17 @@ def continue_branch(
     range, and that of a closed branch on its first point.  Raises ValueError when the start lies outside the
     range; every other failure is a BranchResult.
     """
-    metric = metric_of(problem, options.parameter_scale)
     if isinstance(start, BranchState):
         state = start
     else:
-        opened = _open_branch(problem, start, options, metric)
+        opened = _open_branch(problem, start, options)
         if isinstance(opened, BranchResult):
             return opened
         point, state = opened
         if limit is not None and (message := limit(point)) is not None:
             return BranchResult(BranchStop.LIMIT, None, message)
         record(point, state, ())
+    metric = _metric_from(problem, options, state.start)
     while (stop := _stop_reason(state, options, metric)) is None:
         if should_stop is not None and should_stop():
             return BranchResult(BranchStop.INTERRUPTED, state)
@@ -114,7 +114,7 @@ class _Rejected:
 
 
 def _open_branch(
-    problem: CycleProblem, start: BranchStart, options: ContinuationOptions, metric: Metric
+    problem: CycleProblem, start: BranchStart, options: ContinuationOptions
 ) -> tuple[BranchPoint, BranchState] | BranchResult:
     """Correct the guess at its fixed parameter and orient the branch."""
     if not options.range[0] <= start.parameter <= options.range[1]:
@@ -141,8 +141,8 @@ def _open_branch(
     tangent = tangent_at(problem, cycle, row, reference)
     if tangent is None:
         return BranchResult(BranchStop.START_FAILED, None, "the parameter turns at the first point")
-    tangent = tangent.scaled(1.0 / metric.norm(tangent))
     at = cycle.unknowns
+    tangent = tangent.scaled(1.0 / _metric_from(problem, options, at).norm(tangent))
     state = BranchState(
         index=0,
         state=at.state,
@@ -162,6 +162,12 @@ def _open_branch(
         start_parameter=at.parameter,
     )
     return _point(problem, correction, cycle, demand, _Found()), state
+
+
+def _metric_from(problem: CycleProblem, options: ContinuationOptions, first: Unknowns) -> Metric:
+    """The metric of a branch with this first cycle."""
+    period = period_scale(first.state, first.period, options.maximum_step)
+    return metric_of(problem, options.parameter_scale, period)
 
 
 def _stop_reason(state: BranchState, options: ContinuationOptions, metric: Metric) -> BranchStop | None:

@@ -39,7 +39,9 @@ class ContinuationOptions:
     ``range``: parameter interval; ``direction``: +1 up, -1 down; ``step``, ``minimum_step``,
     ``maximum_step``: arclength; ``max_points``; ``target_iterations``: Newton iterations at which the step is
     kept; ``minimum_cosine``: smallest cosine between neighbouring tangents; ``parameter_scale``: parameter
-    change that counts as one; ``detection``: of bifurcations.  Raises ValueError for values out of order.
+    change that counts as one; ``detection``: of bifurcations.  Arclength has the unit of the state, so that
+    in another one the steps and the inverse of ``parameter_scale`` are to be scaled like it.  Raises
+    ValueError for values out of order.
 
     ``maximum_step`` must be below the width of the narrowest tongue that matters: a multiplier that leaves
     the unit circle and returns within one step leaves no trace in the spectra at the ends of the step.

@@ -99,17 +99,19 @@ def special_tests(
     critical: Critical,
     coefficient: NormalForm | None,
     curvature: float,
+    scale: float,
     autonomous: bool,
 ) -> Vector:
     """Values (11,) in the order of ``SpecialKind``; NaN where a test does not belong to the kind of curve.
 
-    ``curvature``: p.B(q, q) times the alignment of a fold.
+    ``curvature``: p.B(q, q) times the alignment of a fold; ``scale`` of the states on the orbit, which takes
+    the unit from the coefficients.
     """
     others = other_multipliers(kind, multipliers, critical.kappa, autonomous)
     first, second = np.triu_indices(len(others), k=1)
     folds, flips = signed_smallest(1.0 - others), signed_smallest(1.0 + others)
     pairs = signed_smallest(1.0 - others[first] * others[second])
-    form = math.nan if coefficient is None else coefficient.coefficient.real
+    form = math.nan if coefficient is None else scale**2 * coefficient.coefficient.real
     kappa, aligned = critical.kappa, critical.alignment
     tests = {
         EventKind.NEIMARK_SACKER: {
@@ -129,7 +131,7 @@ def special_tests(
             SpecialKind.R1: folds if autonomous else aligned,
             SpecialKind.FOLD_FLIP: flips,
             SpecialKind.FOLD_NEIMARK_SACKER: pairs,
-            SpecialKind.CUSP: curvature,
+            SpecialKind.CUSP: scale * curvature,
         },
     }
     return np.array([tests[kind].get(special, math.nan) for special in SpecialKind])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from pipelines.bifurcations.critical import (
     Critical,
 )
@@ -19,7 +21,7 @@ from pipelines.orbits.floquet import orthonormal
 from pipelines.orbits.shooting import (
     NewtonStop,
 )
-from pipelines.orbits.system import Matrix
+from pipelines.orbits.system import Matrix, size_of
 
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 _STALLED = 0.5  # reduction of g in one step that asks for its exact derivatives
@@ -42,6 +44,13 @@ class Closing:
 
     def gap(self, position: Position) -> float:
         return self.row.dot(position) - self.value
+
+    def error(self, position: Position) -> float:
+        """The gap relative to the largest term of the row."""
+        row = self.row
+        states = np.abs(row.state) @ np.abs(position.state)
+        terms = [states, row.period * position.period, *(row.parameters * position.parameters), self.value]
+        return abs(self.gap(position)) / size_of(np.array(terms))
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import (
     MapAt,
+    PlaneMetric,
     Position,
     map_slopes,
 )
@@ -25,6 +26,7 @@ from pipelines.bifurcations.surface import (
     Swept,
     linearise,
     outside,
+    period_unit,
 )
 from pipelines.orbits.period_map import PeriodImage
 from pipelines.orbits.system import Matrix, Vector
@@ -38,7 +40,8 @@ class Frame:
 
     ``right``, ``left`` (N,): unit null vectors, the bordering of the next point, with the parts
     ``right_period`` and ``left_phase`` of a cycle of unknown period; a Neimark-Sacker curve keeps an
-    orthonormal basis of the invariant plane in them and ``kappa`` = cos theta.
+    orthonormal basis of the invariant plane in them and ``kappa`` = cos theta.  Period parts are in units of
+    ``surface.period_unit``.
     """
 
     right: Vector
@@ -126,8 +129,9 @@ def swept_pass(
         matrix = np.linalg.solve(vectors.columns.T @ vectors.columns, vectors.columns.T @ mapped)
     defect, phase_defect = mapped - vectors.columns @ matrix, 0.0
     if with_period(at):
-        defect = defect + image.inhomogeneous[:, -1:] * vectors.period
-        phase_defect = float(phase[0] + image.phase_inhomogeneous[-1] * vectors.period)
+        period = vectors.period * period_unit(at, image)
+        defect = defect + image.inhomogeneous[:, -1:] * period
+        phase_defect = float(phase[0] + image.phase_inhomogeneous[-1] * period)
     linear, swept = linearise(at, basis, image, defect, np.linalg.inv(matrix), warm)
     return CriticalPass(linear, vectors, matrix, defect, phase_defect, swept)
 
@@ -160,15 +164,17 @@ class CriticalDerivatives:
 
 
 def critical_derivatives(
-    at: MapAt, basis: Matrix, critical: Critical, directions: tuple[Position, ...]
+    linear: SurfaceLinearisation, critical: Critical, directions: tuple[Position, ...], metric: PlaneMetric
 ) -> CriticalDerivatives:
     """dg and d tr A along each direction, from one pair of passes with the m critical columns per
     direction.
     """
     count = critical.right.shape[1]
-    weights = None if critical.right_period is None else np.array([critical.right_period])
-    slopes, phases = map_slopes(at, critical.right, weights, directions)
-    left = left_products(at, basis, critical, slopes, phases, _LEFT_TOLERANCE)
+    weights = None
+    if critical.right_period is not None:
+        weights = np.array([critical.right_period * linear.period_unit])
+    slopes, phases = map_slopes(linear.at, critical.right, weights, directions, linear.scale, metric)
+    left = left_products(linear.at, linear.basis, critical, slopes, phases, _LEFT_TOLERANCE)
     parts = [left[:, count * i : count * (i + 1)] for i in range(len(directions))]
     return CriticalDerivatives(
         np.array([np.sum(critical.weights * part) for part in parts]),

@@ -66,7 +66,7 @@ def _bordered(passed: CriticalPass, frame: Frame) -> Critical | None:
     period = None
     if size > columns:
         period = old.period + float(update[columns])
-        vector = vector + linear.swept.columns[:, -1] * update[columns]
+        vector = vector + linear.swept.columns[:, -1] * linear.period_unit * update[columns]
     slow = np.append(basis.T @ vector, period or 0.0)[:size]
     lengths = math.hypot(float(np.linalg.norm(vector)), period or 0.0) * np.linalg.norm(left[:size])
     return Critical(
@@ -89,6 +89,6 @@ def critical_matrix(linear: SurfaceLinearisation) -> Matrix:
     matrix = basis.T @ image.columns - target_multiplier(linear.at.problem.kind) * np.eye(basis.shape[1])
     if not with_period(linear.at):
         return np.asarray(matrix)
-    column = basis.T @ (linear.sources[:, -1] + swept.image[:, -1])
-    corner = image.phase_inhomogeneous[-1] + swept.phase[-1]
+    column = linear.period_unit * (basis.T @ (linear.sources[:, -1] + swept.image[:, -1]))
+    corner = linear.period_unit * (image.phase_inhomogeneous[-1] + swept.phase[-1])
     return np.block([[matrix, column[:, None]], [image.phase_columns[None, :], np.array([[corner]])]])

@@ -28,7 +28,7 @@ from pipelines.bifurcations.curve import (
     SpecialPoint,
 )
 from pipelines.bifurcations.curve_corrector import correct_critical
-from pipelines.bifurcations.curve_opening import columns_of, demand_of, open_curve
+from pipelines.bifurcations.curve_opening import columns_of, demand_of, metric_from, open_curve
 from pipelines.bifurcations.curve_segment import (
     Bracket,
     CurveEnd,
@@ -43,7 +43,6 @@ from pipelines.bifurcations.plane import (
     CurveProblem,
     PlaneMetric,
     Position,
-    metric_of,
 )
 from pipelines.bifurcations.traced import TracedCurve
 from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start
@@ -80,13 +79,12 @@ def continue_curve(
     a closed curve.  Raises ValueError when the start lies
     outside the ranges; every other failure is a CurveResult.
     """
-    metric = metric_of(problem, options.parameter_scales)
     if isinstance(start, CurveState):
         state = start
         own = TracedCurve.of([state]) if own is None else own
     else:
         try:
-            opened = open_curve(problem, start, options, metric)
+            opened = open_curve(problem, start, options)
         except np.linalg.LinAlgError:
             opened = CurveResult(CurveStop.START_FAILED, None, "a matrix of the first point is singular")
         if isinstance(opened, CurveResult):
@@ -96,6 +94,7 @@ def continue_curve(
             return CurveResult(CurveStop.LIMIT, None, message)
         record(point, state, ())
         own = TracedCurve.of([state])
+    metric = metric_from(problem, options, state.start)
     while (stop := _stop_reason(problem, state, options, metric)) is None:
         if should_stop is not None and should_stop():
             return CurveResult(CurveStop.INTERRUPTED, state)

@@ -111,7 +111,7 @@ def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
         linear = passed.linear
         if moved is not None:
             gradient = _learnt(gradient, moved, critical.value - last, critical.error, closing.metric)
-        history = history.and_then(max(linear.residual, abs(closing.gap(at.position))), critical.value)
+        history = history.and_then(max(linear.residual, closing.error(at.position)), critical.value)
         if history.converged(at.problem, critical.error):
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, gradient))
         if history.diverged:
@@ -156,7 +156,7 @@ def _measured(
     rest = step.correction.plus(across, -metric.inner(across, step.correction))
     size = metric.norm(rest)
     directions = (across,) if size == 0.0 else (across, rest.scaled(1.0 / size))
-    slopes = critical_derivatives(linear.at, linear.basis, critical, directions).values
+    slopes = critical_derivatives(linear, critical, directions, metric).values
     for direction, slope in zip(directions, slopes, strict=True):
         gradient = gradient.plus(metric.row(direction), float(slope) - gradient.dot(direction))
     return gradient

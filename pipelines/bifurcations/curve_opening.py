@@ -33,10 +33,12 @@ from pipelines.bifurcations.plane import (
     MapAt,
     PlaneMetric,
     Position,
+    metric_of,
 )
 from pipelines.bifurcations.surface import (
     surface_tangents,
 )
+from pipelines.bifurcations.walking import period_scale
 from pipelines.orbits.floquet import adapted_basis
 from pipelines.orbits.shooting import (
     correct,
@@ -48,7 +50,7 @@ from pipelines.orbits.time_steps import StepDemand, demand_at, first_steps
 
 
 def open_curve(
-    problem: CurveProblem, start: CurveStart, options: CurveOptions, metric: PlaneMetric
+    problem: CurveProblem, start: CurveStart, options: CurveOptions
 ) -> tuple[CurvePoint, CurveState] | CurveResult:
     """Correct the guess at right angles to the curve and orient the curve."""
     for name, value, interval in zip(problem.names, start.parameters, options.ranges, strict=True):
@@ -58,6 +60,7 @@ def open_curve(
         Position(np.array(start.state, dtype=float), start.period, np.array(start.parameters, dtype=float))
     )
     unknowns, cycles = problem.unknowns(guess), problem.cycle_problem(guess)
+    metric = metric_from(problem, options, guess)
     steps = first_steps(cycles, unknowns)
     opened = _open_with(problem, start, options, metric, guess, first_basis(cycles, unknowns, steps), steps)
     if isinstance(opened, CurveEnd):
@@ -73,6 +76,8 @@ def open_curve(
         opened = _facing_inwards(problem, opened, options, metric)
     opened = replace(opened, point=replace(opened.point, step_error=demand.error))
     at = opened.position
+    if problem.period_map.autonomous:
+        opened = _measured_by(opened, metric_from(problem, options, at))
     state = CurveState(
         index=0,
         step=options.step,
@@ -86,6 +91,21 @@ def open_curve(
         **columns_of(problem, opened),
     )
     return opened.point, state
+
+
+def metric_from(problem: CurveProblem, options: CurveOptions, first: Position) -> PlaneMetric:
+    """The metric of a curve with this first point."""
+    period = period_scale(first.state, first.period, options.maximum_step)
+    return metric_of(problem, options.parameter_scales, period)
+
+
+def _measured_by(end: CurveEnd, metric: PlaneMetric) -> CurveEnd:
+    """The same point with tangents of unit length, at right angles, by the metric that the corrected point
+    sets.
+    """
+    tangent = metric.unit(end.tangent)
+    normal = end.normal.plus(tangent, -metric.inner(tangent, end.normal))
+    return replace(end, tangent=tangent, normal=metric.unit(normal))
 
 
 def _open_with(
@@ -150,7 +170,7 @@ def _first_closing(
         return "the orbit of the guess leaves the domain of the equations or has no critical multipliers"
     linear = passed.linear
     first, second = surface_tangents(linear, metric)
-    derivatives = critical_derivatives(at, basis, critical, (first, second))
+    derivatives = critical_derivatives(linear, critical, (first, second), metric)
     g1, g2 = derivatives.values
     size = float(np.hypot(g1, g2))
     if not size > 0.0:

@@ -107,7 +107,8 @@ def curve_end(
         point.cycle.spectrum.multipliers,
         critical,
         point.normal_form,
-        _fold_curvature(found),
+        _fold_curvature(found, metric),
+        linear.scale,
         linear.at.problem.period_map.autonomous,
     )
     return CurveEnd(
@@ -135,18 +136,19 @@ def _surface_slopes(
         return None
     first = metric.unit(step.along)
     second = metric.unit(step.across.plus(first, -metric.inner(first, step.across)))
-    derivatives = critical_derivatives(linear.at, linear.basis, found.critical, (first, second))
+    derivatives = critical_derivatives(linear, found.critical, (first, second), metric)
     values, traces = derivatives.values, derivatives.traces
     return (first, second), (float(values[0]), float(values[1])), (float(traces[0]), float(traces[1]))
 
 
-def _fold_curvature(found: CriticalCycle) -> float:
+def _fold_curvature(found: CriticalCycle, metric: PlaneMetric) -> float:
     """p.B(q, q) for p and q of unit length: zero at a cusp; not needed on other curves."""
     linear, critical = found.linear, found.critical
     if linear.at.problem.kind is not EventKind.FOLD:
         return 0.0
-    along = Position(critical.right[:, 0], critical.right_period or 0.0, np.zeros(2))
-    slope = critical_derivatives(linear.at, linear.basis, critical, (along,)).values[0]
+    period = (critical.right_period or 0.0) * linear.period_unit
+    along = Position(critical.right[:, 0], period, np.zeros(2))
+    slope = critical_derivatives(linear, critical, (along,), metric).values[0]
     return -float(slope) / _lengths(critical)
 
 
@@ -350,17 +352,18 @@ def locate_special(
         end = segment.end if fraction == 1.0 else points.end(fraction, with_form, not from_pair)
     except _NotConvergedError:
         return None
-    if with_form is not None and _drowned(end, abs(bracket.tests[1] - bracket.tests[0])):
+    scale = segment.problem.period_map.scale(end.point.cycle.image.orbit)
+    if with_form is not None and _drowned(end, scale, abs(bracket.tests[1] - bracket.tests[0])):
         return None, end
     return _special_point(segment, special, end, fraction), end
 
 
-def _drowned(end: CurveEnd, change: float) -> bool:
+def _drowned(end: CurveEnd, scale: float, change: float) -> bool:
     """Whether the zero of a normal-form coefficient is no more than the error of its differences: a map that
     is only piecewise smooth has coefficients that jump.
     """
     form = end.point.normal_form
-    return form is None or form.noise * abs(end.point.alignment) > 0.5 * change
+    return form is None or scale**2 * form.noise * abs(end.point.alignment) > 0.5 * change
 
 
 def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, float]) -> Bracket | None:

@@ -33,6 +33,7 @@ from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.frames import vectors_of
 from pipelines.bifurcations.plane import (
     MapAt,
+    PlaneMetric,
     map_slopes,
 )
 from pipelines.bifurcations.surface import (
@@ -70,7 +71,7 @@ def correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -
         linear = passed.linear
         defect = passed.defect + vectors @ (passed.matrix - _rotation(kind, angle)[0])
         size = float(np.max(np.abs(defect)) / np.max(np.abs(vectors)))
-        history = history.and_then(max(linear.residual, abs(closing.gap(at.position))), size)
+        history = history.and_then(max(linear.residual, closing.error(at.position)), size)
         if history.converged(at.problem, 0.0):
             critical = critical_of(passed, frame)
             if critical is None:
@@ -81,8 +82,10 @@ def correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -
         if history.stuck(at.problem):
             return history.ended(NewtonStop.STUCK)
         step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
-        update = None if step is None else _extended_step(linear, vectors, angle, defect, reference, step)
-        if step is None or update is None:
+        if step is None:
+            return history.ended(NewtonStop.SINGULAR)
+        update = _extended_step(linear, vectors, angle, defect, reference, step, closing.metric)
+        if update is None:
             return history.ended(NewtonStop.SINGULAR)
         at = at.beside(step.correction.plus(step.across, update.beta), 1.0)
         vectors, angle = vectors + update.vectors, angle + update.angle
@@ -131,12 +134,14 @@ def _extended_step(
     defect: Matrix,
     reference: Matrix,
     step: SurfaceStep,
+    metric: PlaneMetric,
 ) -> _ExtendedStep | None:
     """The Newton step of (R, theta, beta) drawn at the head of this module, R = V Y + q."""
     at, basis, kind = linear.at, linear.basis, linear.at.problem.kind
     count, columns = vectors.shape[1], basis.shape[1]
     matrix, derivative = _rotation(kind, angle)
-    slopes, _ = map_slopes(at, vectors, None, (step.correction, step.across))
+    directions = (step.correction, step.across)
+    slopes, _ = map_slopes(at, vectors, None, directions, linear.scale, metric)
     # sources of dR: the constant side, beta, theta
     parts = [defect + slopes[:, :count], slopes[:, count:]]
     if count == 2:

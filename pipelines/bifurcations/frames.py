@@ -66,7 +66,7 @@ def first_frame(at: MapAt, basis: Matrix, angle: float | None = None) -> Frame |
         tail_right, tail_left = (float(vector[columns:].sum()) for vector in (right[-1], left[:, -1]))
         vector = basis @ right[-1][:columns]
         if with_period(at):
-            vector = vector + linear.swept.columns[:, -1] * tail_right
+            vector = vector + linear.swept.columns[:, -1] * linear.period_unit * tail_right
         return Frame(
             vector, basis @ left[:columns, -1], tail_right, tail_left, target_multiplier(at.problem.kind)
         )

@@ -49,7 +49,7 @@ from pipelines.bifurcations.torus_system import (
     solve_bordered,
 )
 from pipelines.orbits.shooting import NewtonStop
-from pipelines.orbits.system import Matrix
+from pipelines.orbits.system import Matrix, size_of
 
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 
@@ -59,7 +59,7 @@ class Torus:
     """A corrected invariant curve.
 
     ``bases``: slow subspaces; ``passed``: the last pass, whose columns are M_j V_j; ``residual``:
-    largest entry of Phi(X) - X, relative to max(1, largest entry of X); ``error``: what the Fourier series
+    largest entry of Phi(X) - X, relative to the largest entry of X; ``error``: what the Fourier series
     lacks, relative to the same.
     """
 
@@ -156,10 +156,10 @@ def correct_on_angles(
         passed = pass_from_all(problem, unknowns, bases.columns, True)
         if not passed.finite:
             return ended(NewtonStop.NON_FINITE)
-        scale = max(1.0, float(np.max(np.abs(unknowns.states))))
+        scale = size_of(unknowns.states)
         defect = float(np.max(np.abs(carried(unknowns, passed.images) - unknowns.states))) / scale
         gap = 0.0 if phase is None else abs(phase.gap(unknowns.states))
-        residuals.append(max(defect, abs(constraint.gap(unknowns)), gap))
+        residuals.append(max(defect, constraint.error(unknowns), gap))
         if residuals[-1] <= options.tolerance:
             error = tail(amplitudes(unknowns.states)) / scale
             return ended(NewtonStop.CONVERGED, Torus(unknowns, bases, passed, residuals[-1], error))
@@ -174,7 +174,8 @@ def correct_on_angles(
             return ended(NewtonStop.SINGULAR)
         bases = bases.following(passed.columns, unknowns.rotation)
         unknowns = problem.consistent(unknowns.plus(update))
-        updates.append(float(np.max(np.abs(update.states))) + abs(update.rotation) + abs(update.parameter))
+        parameter = abs(update.parameter) / size_of(unknowns.parameter)
+        updates.append(max(float(np.max(np.abs(update.states))) / scale, abs(update.rotation), parameter))
 
 
 def torus_tangent(

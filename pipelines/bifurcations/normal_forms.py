@@ -23,7 +23,7 @@ import numpy as np
 
 from pipelines.bifurcations.critical import Critical, left_products
 from pipelines.bifurcations.detection import EventKind
-from pipelines.bifurcations.plane import MapAt, Position
+from pipelines.bifurcations.plane import Position
 from pipelines.bifurcations.section import on_section
 from pipelines.bifurcations.surface import SurfaceLinearisation, sweep
 from pipelines.orbits.floquet import Complex
@@ -36,7 +36,7 @@ _STRONG_RESONANCE = 1e-6  # distance of kappa from 1 or -1 below which d is not 
 
 @dataclass(frozen=True)
 class NormalFormOptions:
-    """``difference``: displacement of the largest entry of the state, in units of max(1, largest entry)."""
+    """``difference``: displacement of the largest entry of the state, relative to the orbit's."""
 
     difference: float = 2e-3
 
@@ -100,14 +100,14 @@ def normal_form(
 
 def _fold(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
     q = critical.right / linear.at.length(critical.right)
-    quadratic, _ = _Differences(linear.at, q[:, 0], options).of(q, linear.at.tangent(q).columns)
+    quadratic, _ = _Differences(linear, q[:, 0], options).of(q, linear.at.tangent(q).columns)
     # a = p.B(q, q) / 2
     return 0.5 * _left(linear, critical, quadratic, q)[0]
 
 
 def _period_doubling(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
     q = critical.right / linear.at.length(critical.right)
-    along = _Differences(linear.at, q[:, 0], options)
+    along = _Differences(linear, q[:, 0], options)
     quadratic, cubic = along.of(q, linear.at.tangent(q).columns)
     # (I - M) h = B(q, q), for the fine and the coarse differences side by side
     h = _solve(linear, 1.0, quadratic.astype(complex)).real
@@ -130,7 +130,7 @@ def _neimark_sacker(linear: SurfaceLinearisation, critical: Critical, options: N
     length = linear.at.length(parts)
     parts, left = parts / length, left * length
     centre = linear.at.tangent(parts).columns
-    real, imaginary = (_Differences(linear.at, np.ascontiguousarray(part), options) for part in parts.T)
+    real, imaginary = (_Differences(linear, np.ascontiguousarray(part), options) for part in parts.T)
     by_real, cubic_real = real.of(parts, centre)
     by_imaginary, cubic_imaginary = imaginary.of(parts, centre)
     # columns: x, y by fine differences, then x, y by coarse ones
@@ -163,14 +163,13 @@ def _critical_pair(critical: Critical) -> tuple[complex, Complex, Complex]:
 class _Differences:
     """Derivatives of M along one direction by passes beside the cycle."""
 
-    at: MapAt
+    linear: SurfaceLinearisation
     direction: Vector
     options: NormalFormOptions
 
     @property
     def step(self) -> float:
-        scale = max(1.0, float(np.max(np.abs(self.at.position.state))))
-        return self.options.difference * scale / float(np.max(np.abs(self.direction)))
+        return self.options.difference * self.linear.scale / float(np.max(np.abs(self.direction)))
 
     def of(self, columns: Matrix, centre: Matrix) -> tuple[Matrix, Matrix]:
         """First and second derivatives of M columns, given M ``columns`` at the ``centre``, each (N, 2 c):
@@ -191,7 +190,7 @@ class _Differences:
 
     def _beside(self, distance: float, columns: Matrix) -> Matrix:
         way = Position(self.direction, 0.0, np.zeros(2))
-        return self.at.beside(way, distance).tangent(columns, once=True).columns
+        return self.linear.at.beside(way, distance).tangent(columns, once=True).columns
 
 
 def _solve(linear: SurfaceLinearisation, value: complex, columns: Complex) -> Complex:
@@ -201,7 +200,7 @@ def _solve(linear: SurfaceLinearisation, value: complex, columns: Complex) -> Co
     real = np.hstack([columns.real, columns.imag])
     # q value = Q (M q + x) as a real pair [Re q, Im q]
     inverse = np.asarray(np.kron(np.linalg.inv(matrix), np.eye(count)), dtype=np.float64)
-    swept = sweep(linear.at, basis, real, inverse, _SOLVE_TOLERANCE)
+    swept = sweep(linear.at, basis, real, inverse, _SOLVE_TOLERANCE, sizes=1.0 / linear.scale)
     # (H - value) a = -V'(x + M q)
     sources = columns + swept.image[:, :count] + 1j * swept.image[:, count:]
     projected = basis.T @ linear.image.columns

@@ -126,7 +126,7 @@ def _closing(at: MapAt, basis: Matrix, frame: Frame, held: int, metric: PlaneMet
     if passed is None or critical is None:
         return None
     first, second = surface_tangents(passed.linear, metric)
-    slopes = critical_derivatives(at, basis, critical, (first, second)).values
+    slopes = critical_derivatives(passed.linear, critical, (first, second), metric).values
     along = first.scaled(second.parameters[held]).plus(second, -first.parameters[held])
     if metric.norm(along) == 0.0 or float(np.hypot(*slopes)) == 0.0:
         return None

@@ -17,7 +17,7 @@ from pipelines.orbits.shooting import (
 )
 from pipelines.orbits.system import Matrix, Vector
 
-_SHIFT = 2e-5  # central difference of M along a direction whose largest entry is one: h^2 against eps/h
+_SHIFT = 2e-5  # central difference of M, in units of the largest entry on the orbit: h^2 against eps/h
 
 
 class CurveFormulation(StrEnum):
@@ -58,7 +58,7 @@ class Position:
 
 @dataclass(frozen=True)
 class PlaneMetric:
-    """<u, v> = <u_s, v_s>/N + T_u T_v/(2 pi)^2 + sum_j l_j m_j/scale_j^2; T counts only when it is
+    """<u, v> = <u_s, v_s>/N + T_u T_v/T_scale^2 + sum_j l_j m_j/scale_j^2; T counts only when it is
     unknown.
     """
 
@@ -82,6 +82,14 @@ class PlaneMetric:
 
     def unit(self, direction: Position) -> Position:
         return direction.scaled(1.0 / self.norm(direction))
+
+    def largest(self, direction: Position) -> float:
+        """The largest entry of a direction, period and parameters by their scales."""
+        return max(
+            float(np.max(np.abs(direction.state))),
+            math.sqrt(self.period) * abs(direction.period),
+            float(np.max(np.sqrt(self.parameters) * np.abs(direction.parameters))),
+        )
 
 
 @dataclass(frozen=True)
@@ -153,9 +161,13 @@ class CurveProblem:
         return Position(np.zeros(self.period_map.size), 0.0, np.eye(2)[which])
 
 
-def metric_of(problem: CurveProblem, scales: tuple[float, float]) -> PlaneMetric:
-    """The metric for a problem; ``scales``: change of each parameter that counts as one."""
-    period = 1.0 / (2.0 * math.pi) ** 2 if problem.period_map.autonomous else 0.0
+def metric_of(
+    problem: CurveProblem, scales: tuple[float, float], period_scale: float = 2.0 * math.pi
+) -> PlaneMetric:
+    """The metric for a problem; the scales are changes of each parameter and of the period that count as
+    one.
+    """
+    period = 1.0 / period_scale**2 if problem.period_map.autonomous else 0.0
     return PlaneMetric(1.0 / problem.period_map.size, period, 1.0 / np.array(scales) ** 2)
 
 
@@ -208,21 +220,22 @@ class MapAt:
 
 
 def map_slopes(
-    at: MapAt, columns: Matrix, weights: Vector | None, directions: tuple[Position, ...]
+    at: MapAt,
+    columns: Matrix,
+    weights: Vector | None,
+    directions: tuple[Position, ...],
+    scale: float,
+    metric: PlaneMetric,
 ) -> tuple[Matrix, Matrix]:
     """Derivatives of M ``columns`` (N, m) along each direction, (N, m directions), and of the phase row.
 
+    ``scale``: the largest entry on the orbit.
     ``weights`` (m,) adds weights_j phi_T to column j: the null vectors of a cycle of unknown period.
     One pair of passes per direction: (M(u + h d) - M(u - h d)) columns / 2h, without a column for the rest.
     """
     parts, phases = [], []
     for direction in directions:
-        largest = max(
-            float(np.max(np.abs(direction.state))),
-            float(np.max(np.abs(direction.parameters))),
-            abs(direction.period),
-        )
-        distance = _SHIFT * max(1.0, float(np.max(np.abs(at.position.state)))) / largest
+        distance = _SHIFT * scale / metric.largest(direction)
         sides = [
             at.beside(direction, side * distance).tangent(columns, weights is not None, once=True)
             for side in (1.0, -1.0)

@@ -21,7 +21,7 @@ from pipelines.orbits.system import Matrix
 
 @dataclass(frozen=True)
 class Metric:
-    """<u, v> = <u_s, v_s>/N + T_u T_v/(2 pi)^2 + l_u l_v/scale^2; T counts only when it is unknown.
+    """<u, v> = <u_s, v_s>/N + T_u T_v/T_scale^2 + l_u l_v/scale^2; T counts only when it is unknown.
 
     The mean square of the state makes a step mean the same on every grid.
     """
@@ -43,9 +43,9 @@ class Metric:
         return float(self.inner(direction, direction) ** 0.5)
 
 
-def metric_of(problem: CycleProblem, parameter_scale: float) -> Metric:
-    """The metric for a problem; ``parameter_scale``: change of the parameter that counts as one."""
-    period = 1.0 / (2.0 * math.pi) ** 2 if problem.period_map.autonomous else 0.0
+def metric_of(problem: CycleProblem, parameter_scale: float, period_scale: float = 2.0 * math.pi) -> Metric:
+    """The metric for a problem; the scales are changes of parameter and period that count as one."""
+    period = 1.0 / period_scale**2 if problem.period_map.autonomous else 0.0
     return Metric(1.0 / problem.period_map.size, period, 1.0 / parameter_scale**2)
 
 

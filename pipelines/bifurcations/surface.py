@@ -18,6 +18,7 @@ never its whole gradient.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,18 +51,20 @@ def sweep(
     inverse: Matrix,
     tolerance: float | Vector,
     guess: Matrix | None = None,
+    sizes: float | Vector = 1.0,
 ) -> Swept:
     """Picard sweeps q <- Q (M q + x) A^-1 outside the slow subspace; ``inverse`` (c, c) is A^-1.
 
     They converge like abs(mu_neglected / eigenvalue of A), until the change of every column is below its
-    ``tolerance`` times the size of its source, or without influence on the corrector.
+    ``tolerance`` times the size of its source, or without influence on the corrector: ``sizes`` of the
+    columns are what its tolerance is relative to.
     """
     zeros = np.zeros_like(sources)
     if basis.shape[0] == basis.shape[1]:
         return Swept(zeros, zeros, np.zeros(sources.shape[1]))
     options = at.problem.options
     swept = outside(basis, sources @ inverse if guess is None else guess)
-    enough = tolerance * np.linalg.norm(sources, axis=0) + _NO_INFLUENCE * options.tolerance
+    enough = tolerance * np.linalg.norm(sources, axis=0) + _NO_INFLUENCE * options.tolerance * sizes
     image, phase = zeros, np.zeros(sources.shape[1])
     for _ in range(options.picard_sweeps):
         passed = at.tangent(swept)
@@ -93,9 +96,23 @@ class SurfaceLinearisation:
 
     @property
     def residual(self) -> float:
-        """Largest entry of phi(s) - s, relative to max(1, largest entry of s), or of the phase."""
-        scale = max(1.0, float(np.max(np.abs(self.at.position.state))))
-        return max(float(np.max(np.abs(self.sources[:, 0]))) / scale, abs(self.image.phase))
+        """Of the cycle, as in ``PeriodMap.residual``."""
+        return self.at.problem.period_map.residual(self.at.position.state, self.image)
+
+    @property
+    def scale(self) -> float:
+        """The size of the states on the orbit."""
+        return self.at.problem.period_map.scale(self.image.orbit)
+
+    @property
+    def period_unit(self) -> float:
+        """As the function."""
+        return period_unit(self.at, self.image)
+
+
+def period_unit(at: MapAt, image: PeriodImage) -> float:
+    """The change of the period that counts like one of the state where one vector holds both."""
+    return at.position.period / (2.0 * math.pi * at.problem.period_map.scale(image.orbit))
 
 
 def linearise(
@@ -123,7 +140,9 @@ def linearise(
     if warm is not None:
         guess = together @ both
         guess[:, 1:count] = warm.swept.columns[:, 1:]
-    swept = sweep(at, basis, together, both, tolerances, guess)
+    sizes = np.full(count + riders, at.problem.period_map.scale(image.orbit))
+    sizes[count:] = 1.0
+    swept = sweep(at, basis, together, both, tolerances, guess, sizes)
     surface = Swept(swept.columns[:, :count], swept.image[:, :count], swept.phase[:count])
     rest = Swept(swept.columns[:, count:], swept.image[:, count:], swept.phase[count:])
     return SurfaceLinearisation(at, basis, image, sources, surface), rest

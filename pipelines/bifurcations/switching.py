@@ -26,7 +26,7 @@ from pipelines.bifurcations.codimension_two import SecondBifurcation, second_bif
 from pipelines.bifurcations.curve import CurveStart, SpecialPoint
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
-from pipelines.bifurcations.segment import metric_of
+from pipelines.bifurcations.segment import Metric, metric_of
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import (
     Constraint,
@@ -38,7 +38,7 @@ from pipelines.orbits.shooting import (
     null_directions,
     reference_of,
 )
-from pipelines.orbits.system import Vector
+from pipelines.orbits.system import Vector, size_of
 from pipelines.orbits.time_steps import first_steps
 
 _FARTHER = 1.5  # times the amplitude at which the sense of a new branch is found
@@ -134,8 +134,8 @@ def crossing_branch(problem: CycleProblem, event: Event, amplitude: float) -> Ne
     cycle = _cycle_of(problem, event)
     if cycle is None:
         return None
-    across = _across(problem, cycle, event.direction)
-    metric = metric_of(problem, 1.0)
+    metric = metric_of(problem, 1.0, cycle.unknowns.period / size_of(cycle.unknowns.state))
+    across = _across(problem, cycle, event.direction, metric)
     row = metric.row(across).scaled(1.0 / metric.inner(across, across))
     return _branch_along(problem, cycle.unknowns, across, row, amplitude)
 
@@ -191,9 +191,9 @@ def _flip_vector(cycle: Cycle) -> Vector:
     return np.asarray(vector, dtype=np.float64)
 
 
-def _across(problem: CycleProblem, cycle: Cycle, along: Unknowns) -> Unknowns:
+def _across(problem: CycleProblem, cycle: Cycle, along: Unknowns, metric: Metric) -> Unknowns:
     """The null direction of a branch point at right angles to the branch, its largest entry one."""
-    metric, reference = metric_of(problem, 1.0), reference_of(problem, cycle.unknowns, cycle.steps)
+    reference = reference_of(problem, cycle.unknowns, cycle.steps)
     first, second = null_directions(problem, cycle, reference)
     across = first.scaled(metric.inner(along, second)).plus(second, -metric.inner(along, first))
     return across.scaled(1.0 / float(across.state[np.argmax(np.abs(across.state))]))

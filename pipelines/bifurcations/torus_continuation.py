@@ -45,7 +45,7 @@ from pipelines.bifurcations.torus_problem import (
 )
 from pipelines.bifurcations.torus_stability import TorusSpectrum, settled_spectrum
 from pipelines.bifurcations.walking import adapted_length
-from pipelines.orbits.system import Matrix
+from pipelines.orbits.system import Matrix, size_of
 
 _SPARE = 0.1  # share of the tolerance below which half of the angles are dropped
 _ROUGH_STEP = 0.25  # of the step after a torus that was too rough: such an attempt is dear
@@ -292,7 +292,7 @@ def _state(
 def _following_count(problem: TorusProblem, torus: Torus) -> int:
     """Half of the angles, or half of that, while they would be far more than enough."""
     count, fourier = torus.count, problem.fourier
-    scale = max(1.0, float(np.max(np.abs(torus.unknowns.states))))
+    scale = size_of(torus.unknowns.states)
     found = amplitudes(torus.unknowns.states)
     while (half := (count - 1) // 2) >= fourier.fewest and half % 2 == 1:
         if tail(found[: half // 2 + 1]) > _SPARE * fourier.tolerance * scale:

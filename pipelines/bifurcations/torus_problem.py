@@ -10,15 +10,15 @@ import numpy as np
 from pipelines.bifurcations.circle import resampled
 from pipelines.bifurcations.circle_map import CircleMap
 from pipelines.orbits.shooting import ShootingOptions
-from pipelines.orbits.system import Matrix
+from pipelines.orbits.system import Matrix, size_of
 
 
 @dataclass(frozen=True)
 class FourierOptions:
     """How many angles: between ``fewest`` and ``most``, both odd.
 
-    So many that what the Fourier series lacks is below ``tolerance``, relative to max(1, largest entry of the
-    state).
+    So many that what the Fourier series lacks is below ``tolerance``, relative to the largest entry of the
+    state.
 
     Raises ValueError for even numbers or values out of order.
     """
@@ -92,6 +92,13 @@ class TorusConstraint:
 
     def gap(self, unknowns: TorusUnknowns) -> float:
         return self.row.dot(unknowns) - self.value
+
+    def error(self, unknowns: TorusUnknowns) -> float:
+        """The gap relative to the largest term of the row."""
+        row = self.row
+        states = float(np.sum(np.abs(row.states * unknowns.states)))
+        terms = [states, row.rotation * unknowns.rotation, row.parameter * unknowns.parameter, self.value]
+        return abs(self.gap(unknowns)) / size_of(np.array(terms))
 
     def resampled(self, count: int) -> TorusConstraint:
         """The same condition on a curve with another number of angles: a mean over them."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipelines.bifurcations.curve import CurveStart, CurveState
 from pipelines.bifurcations.walking import hermite_weights
-from pipelines.orbits.system import Matrix, Vector
+from pipelines.orbits.system import Matrix, Vector, size_of
 
 _PROJECTIONS = 4  # of the point onto the cubic; the chord's foot is already near
 _OVERHANG = 0.05  # part of a segment by which the foot may lie beyond its ends
@@ -118,7 +118,7 @@ class TracedCurve:
         guess = old + along * (new - old)
         spread = float(np.max(np.abs(new - old)))
         apart = float(np.max(np.abs(start.state - guess)))
-        if apart > max(spread, 1e-6 * max(1.0, float(np.max(np.abs(guess))))):
+        if apart > max(spread, 1e-6 * size_of(guess)):
             return False
         angle = self.angles[first] + along * (self.angles[first + 1] - self.angles[first])
         return start.angle is None or math.isnan(start.angle) or abs(start.angle - angle) <= _ANGLE

@@ -12,8 +12,11 @@ from typing import Any, Self, cast
 
 import numpy as np
 
+from pipelines.orbits.system import Vector, size_of
+
 STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
 _CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
+_LONGEST = 0.1  # relative change of the period in a step of the maximum length, at most
 _SAME = 0.01  # distance within which two points are one, in units of the step: far above corrector errors
 
 
@@ -39,6 +42,15 @@ def refuse_misfits(walk: Any, ranges: tuple[tuple[float, float], ...], scales: t
         raise ValueError(f"minimum_cosine is {walk.minimum_cosine}; it must lie in [-1, 1)")
     if not min(scales) > 0.0:
         raise ValueError(f"parameter_scale is {min(scales)}; it must be positive")
+
+
+def period_scale(state: Vector, period: float, maximum_step: float) -> float:
+    """The change of an unknown period that counts as one, from the first point.
+
+    A relative change of the period counts like the same relative change of the state, so that no unit of time
+    or state matters; where the first cycle is small, ``_LONGEST`` is a step of the maximum length.
+    """
+    return period / max(size_of(float(np.sqrt(np.mean(state**2)))), maximum_step / _LONGEST)
 
 
 def hermite_weights(fraction: float, length: float) -> tuple[float, float, float, float]:

@@ -81,7 +81,7 @@ def dense_shifted(tangent: Any, size: int) -> ShiftedSolver:
 # compiling numpy's own inverse and product takes twelve seconds; these are cached
 @njit(types.void(_MATRIX, _MATRIX), cache=True, error_model="numpy")
 def _invert(matrix, out):  # type: ignore[no-untyped-def]
-    """out = matrix^-1 by Gauss-Jordan elimination with row pivots; not finite if singular, ``matrix`` is lost."""
+    """out = matrix^-1 by Gauss-Jordan elimination with row pivots; ``matrix`` is lost."""
     size = matrix.shape[0]
     out[:] = 0.0
     for i in range(size):

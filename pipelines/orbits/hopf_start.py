@@ -63,11 +63,7 @@ def start_at_hopf(
 def _linear_reference(
     direction: Complex, amplitude: float, equilibrium: Vector, samples: int
 ) -> PhaseReference:
-    """ds/dtau1 = A Re(2 pi i q exp(2 pi i tau1)) of the linear oscillation, scaled by 1/A.
-
-    Without the scaling the phase row would vanish with the amplitude.
-    """
+    """ds/dtau1 = A Re(2 pi i q exp(2 pi i tau1)) of the linear oscillation."""
     turn = np.exp(2j * math.pi * np.arange(samples) / samples)[:, None]
     orbit = equilibrium + amplitude * (direction * turn).real
-    gradient = np.ascontiguousarray((2j * math.pi * direction * turn).real)
-    return PhaseReference(gradient, float(np.sum(gradient * orbit)) / samples)
+    return PhaseReference.of(orbit, np.ascontiguousarray((1j * direction * turn).real))

@@ -17,7 +17,7 @@ from pipelines.machine.lines import LINE
 from pipelines.orbits.implicit import aligned, propagate_columns, propagate_implicit, workspace_sizes
 from pipelines.orbits.propagation import propagate, workspace_size
 from pipelines.orbits.steppers import RK4, ImplicitStepper, Stepper
-from pipelines.orbits.system import DynamicalSystem, Matrix, Vector
+from pipelines.orbits.system import DynamicalSystem, Matrix, Vector, size_of
 
 _BLOCK_COLUMNS = 64  # columns per pass of a wide block: bounds the scratch memory
 _KEPT_BYTES = 256 * 1024**2  # of factors that are kept for further passes along the same orbit
@@ -45,15 +45,20 @@ class Inhomogeneity:
 
 @dataclass(frozen=True)
 class PhaseReference:
-    """A cycle that fixes the phase of its neighbours: integral of <s - s_ref, ds_ref/dtau1> over tau1 is
-    zero.
+    """A cycle that fixes the phase of its neighbours: F = integral of <s - s_ref, g> over tau1 is zero.
 
-    ``gradient`` (samples, size) is ds_ref/dtau1, ``offset`` the value of the functional at the reference
-    itself.
+    ``gradient`` (samples, size) is g, ds_ref/dtau1 divided by its root mean square over the orbit, so that F
+    is the way along the orbit in the unit of the state; ``offset`` is the functional of the reference itself.
     """
 
     gradient: Matrix
     offset: float
+
+    @classmethod
+    def of(cls, orbit: Matrix, slope: Matrix) -> PhaseReference:
+        """The reference of an orbit and a multiple of its slope ds/dtau1, both (samples, size)."""
+        gradient = slope / math.sqrt(float(np.mean(np.sum(slope * slope, axis=1))) or 1.0)
+        return cls(gradient, float(np.mean(np.sum(gradient * orbit, axis=1))))
 
 
 @dataclass(frozen=True)
@@ -314,10 +319,24 @@ class PeriodMap:
 
     def phase_reference(self, orbit: Matrix, parameters: Vector, period: float) -> PhaseReference:
         """The phase condition that an orbit (samples, size) imposes on its neighbours."""
-        gradient = np.empty_like(orbit)
+        slope = np.empty_like(orbit)
         for k, state in enumerate(orbit):
-            gradient[k] = period * self._rates(k, state, parameters)
-        return PhaseReference(gradient, float(np.sum(gradient * orbit)) / len(orbit))
+            slope[k] = period * self._rates(k, state, parameters)
+        return PhaseReference.of(orbit, slope)
+
+    def scale(self, orbit: Matrix) -> float:
+        """The size of the system's states on an orbit (samples, size), to which errors are relative."""
+        return size_of(orbit[:, : self.system.size])
+
+    def residual(self, state: Vector, image: PeriodImage) -> float:
+        """Largest entry of phi(s) - s, or the phase, relative to the largest entry on the orbit.
+
+        The oscillator of Eq. 17 has no unit: its entries are measured by themselves.
+        """
+        mismatch, size = np.abs(image.state - state), self.system.size
+        scale = self.scale(image.orbit)
+        closure = max(float(np.max(mismatch[:size])), abs(image.phase)) / scale
+        return max(closure, float(np.max(mismatch[size:], initial=0.0)))
 
     def _rates(self, sample: int, state: Vector, parameters: Vector) -> Vector:
         phase = 2.0 * math.pi * self.turns * sample / self.samples

@@ -33,7 +33,7 @@ from pipelines.orbits.floquet import (
     starting_basis,
 )
 from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, PhaseReference
-from pipelines.orbits.system import Matrix, Vector
+from pipelines.orbits.system import Matrix, Vector, size_of
 
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 
@@ -61,7 +61,7 @@ class NewtonStop(Enum):
 class ShootingOptions:
     """Tolerances of the corrector.
 
-    ``tolerance``: largest entry of phi(s) - s, relative to max(1, largest entry of s); ``iterations``: of
+    ``tolerance``: of phi(s) - s, phase and closing row, each relative to its terms; ``iterations``: of
     Newton; ``picard_tolerance``: relative size of the last Picard update; ``picard_sweeps``: their cap;
     ``multiplier_tolerance``: residual asked of every multiplier above ``checked_modulus``, reached by at most
     ``multiplier_sweeps`` further subspace iterations (the residual reached is reported);
@@ -128,6 +128,13 @@ class Constraint:
 
     def gap(self, unknowns: Unknowns) -> float:
         return self.row.dot(unknowns) - self.value
+
+    def error(self, unknowns: Unknowns) -> float:
+        """The gap relative to the largest term of the row."""
+        row = self.row
+        states = np.abs(row.state) @ np.abs(unknowns.state)
+        terms = [states, row.period * unknowns.period, row.parameter * unknowns.parameter, self.value]
+        return abs(self.gap(unknowns)) / size_of(np.array(terms))
 
 
 @dataclass(frozen=True)
@@ -244,7 +251,7 @@ def correct(
         image = _evaluate(problem, unknowns, basis, steps, reference)
         if not image.finite:
             return ended(NewtonStop.NON_FINITE)
-        residuals.append(_residual_norm(unknowns, image, constraint))
+        residuals.append(max(problem.period_map.residual(unknowns.state, image), constraint.error(unknowns)))
         if residuals[-1] <= options.tolerance:
             cycle = _settled(problem, unknowns, basis, image, steps, reference, residuals[-1])
             return ended(NewtonStop.CONVERGED, replace(cycle, linear=linear))
@@ -257,7 +264,7 @@ def correct(
         if update is None:
             return ended(NewtonStop.SINGULAR)
         unknowns = problem.consistent(unknowns.plus(update))
-        updates.append(float(np.max(np.abs(update.state))) + abs(update.period) + abs(update.parameter))
+        updates.append(_update_norm(problem, update, unknowns, image))
         basis = _next_basis(image.columns)
 
 
@@ -367,10 +374,13 @@ def _evaluate(
     )
 
 
-def _residual_norm(unknowns: Unknowns, image: PeriodImage, constraint: Constraint) -> float:
-    scale = max(1.0, float(np.max(np.abs(unknowns.state))))
-    mismatch = float(np.max(np.abs(image.state - unknowns.state))) / scale
-    return max(mismatch, abs(constraint.gap(unknowns)), abs(image.phase))
+def _update_norm(problem: CycleProblem, update: Unknowns, reached: Unknowns, image: PeriodImage) -> float:
+    """Largest relative change of state, period and parameter."""
+    return max(
+        float(np.max(np.abs(update.state))) / problem.period_map.scale(image.orbit),
+        abs(update.period) / size_of(reached.period),
+        abs(update.parameter) / size_of(reached.parameter),
+    )
 
 
 def _linearise(

@@ -12,6 +12,14 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+_NOTHING = 1e-12  # size below which numbers are zero but for rounding, whatever their unit
+
+
+def size_of(values: Vector | float) -> float:
+    """The size that errors of these values are relative to: the largest modulus, or one if all are zero."""
+    largest = float(np.max(np.abs(values)))
+    return largest if largest > _NOTHING else 1.0
+
 
 @dataclass(frozen=True)
 class ShiftedSolver:

@@ -54,7 +54,8 @@ def first_steps(problem: CycleProblem, guess: Unknowns) -> int:
     while steps < _MOST:
         steps *= 2
         fine = period_map.evaluate(guess.state, parameters, guess.period, steps)
-        if fine.finite and coarse.finite and np.max(np.abs(fine.state - coarse.state)) <= _RESOLVED:
+        resolved = _RESOLVED * period_map.scale(fine.orbit)
+        if fine.finite and coarse.finite and np.max(np.abs(fine.state - coarse.state)) <= resolved:
             return steps // 2
         coarse = fine
     return steps

@@ -223,3 +223,79 @@ def test_hopf_start_refuses_what_cannot_work() -> None:
     forced = CycleProblem(PeriodMap(duffing()), np.ones(2), "omega")
     with pytest.raises(ValueError, match="autonomous"):
         start_at_hopf(forced, np.zeros(2), np.array([1.0, 1j]), 1.0, 0.0, 0.1)
+
+
+# --- Residuals are relative to what they are made of ----------------------------------------------
+
+
+def offset_cycle(scale: float) -> tuple[CycleProblem, np.ndarray]:
+    """x' = -x + scale (sin + cos)(phase): x = scale sin(phase), zero at the phase where the map starts."""
+    system = ode_system(
+        lambda phase, s, p: [-s[0] + p[1] * (np.sin(phase) + np.cos(phase))],
+        lambda phase, s, p: [[-1.0]],
+        1,
+        ("omega", "load"),
+        "omega",
+    )
+    return CycleProblem(PeriodMap(system, DOPRI8), np.array([1.0, scale]), "load"), 0.7 * scale * np.ones(1)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1.0, 1e3, 1e6])
+def test_a_residual_is_relative_to_the_orbit(scale: float) -> None:
+    """Not to the state at phase zero, which may vanish."""
+    problem, guess = offset_cycle(scale)
+    correction = solve(problem, guess, scale)
+    cycle = converged(correction)
+    assert correction.iterations == 1
+    assert correction.residual_norms[0] == pytest.approx(0.7 * (1.0 - math.exp(-2.0 * math.pi)), rel=0.35)
+    assert correction.update_norms[0] == pytest.approx(0.7, rel=0.35)
+    assert abs(cycle.unknowns.state[0]) < 1e-10 * scale
+
+
+def test_a_solution_at_rest_is_found() -> None:
+    """Nothing is relative to an orbit of zeros and rounding errors."""
+    cubic = ode_system(
+        lambda phase, s, p: [s[1], -(p[1] + np.cos(phase)) * s[0] - 0.2 * s[1] - s[0] ** 3],
+        lambda phase, s, p: [[0.0, 1.0], [-(p[1] + np.cos(phase)) - 3.0 * s[0] ** 2, -0.2]],
+        2,
+        ("omega", "stiffness"),
+        "omega",
+    )
+    problem = CycleProblem(PeriodMap(cubic, DOPRI8), np.array([1.0, 3.0]), "stiffness")
+    for guess in (np.zeros(2), np.full(2, 1e-3), np.full(2, 1e-14)):
+        assert np.max(np.abs(converged(solve(problem, guess, 3.0)).unknowns.state)) < 1e-12
+
+
+def test_a_closing_row_is_relative_to_its_terms() -> None:
+    """An exact cycle is one at any size of the parameter, and a parameter that is a little off is not."""
+    for load in (1e-6, 1.0, 1e8):
+        problem, _ = offset_cycle(load)
+        near = problem.consistent(Unknowns(np.zeros(1), 0.0, load * (1.0 + 1e-15)))
+        constraint = problem.fixed_parameter(load)
+        assert constraint.error(near) <= 1e-14
+        assert constraint.error(Unknowns(np.zeros(1), 0.0, load * 1.001)) == pytest.approx(1e-3, rel=0.01)
+        assert correct(problem, near, constraint, np.eye(1), 128).stop is NewtonStop.CONVERGED
+
+
+@pytest.mark.parametrize("size", [1.0, 1e2, 1e3, 1e4, 1e6])
+def test_an_exact_cycle_of_any_amplitude_is_one(size: float) -> None:
+    """z' = (mu + i) z - z |z|^2/K^2 with |z| = K sqrt(mu) and T = 2 pi."""
+    system = ode_system(
+        lambda phase, s, p: [
+            (p[0] - s @ s / size**2) * s[0] - s[1],
+            (p[0] - s @ s / size**2) * s[1] + s[0],
+        ],
+        lambda phase, s, p: [
+            [p[0] - (3 * s[0] ** 2 + s[1] ** 2) / size**2, -1 - 2 * s[0] * s[1] / size**2],
+            [1 - 2 * s[0] * s[1] / size**2, p[0] - (s[0] ** 2 + 3 * s[1] ** 2) / size**2],
+        ],
+        2,
+        ("mu",),
+    )
+    problem = CycleProblem(PeriodMap(system, DOPRI8, Formulation.AUTONOMOUS), np.array([0.5]), "mu")
+    exact = solve(problem, size * np.array([math.sqrt(0.5), 0.0]), 0.5, 2.0 * math.pi)
+    assert converged(exact)
+    assert exact.iterations == 0
+    near = solve(problem, size * np.array([0.72, 0.01]), 0.5, 2.05 * math.pi)
+    assert converged(near).unknowns.period == pytest.approx(2.0 * math.pi, abs=1e-9)
+    assert near.iterations == 3
