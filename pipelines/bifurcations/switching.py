@@ -41,6 +41,7 @@ from pipelines.orbits.shooting import (
 from pipelines.orbits.system import Vector, size_of
 from pipelines.orbits.time_steps import first_steps
 
+_NEAR = 0.5  # distance of the first cycle of another branch from its prediction, in units of the step
 _FARTHER = 1.5  # times the amplitude at which the sense of a new branch is found
 
 
@@ -137,14 +138,19 @@ def crossing_branch(problem: CycleProblem, event: Event, amplitude: float) -> Ne
     metric = metric_of(problem, 1.0, cycle.unknowns.period / size_of(cycle.unknowns.state))
     across = _across(problem, cycle, event.direction, metric)
     row = metric.row(across).scaled(1.0 / metric.inner(across, across))
-    return _branch_along(problem, cycle.unknowns, across, row, amplitude)
+    return _branch_along(problem, cycle.unknowns, across, row, amplitude, event.direction)
 
 
 def _branch_along(
-    problem: CycleProblem, origin: Unknowns, direction: Unknowns, row: Unknowns, amplitude: float
+    problem: CycleProblem,
+    origin: Unknowns,
+    direction: Unknowns,
+    row: Unknowns,
+    amplitude: float,
+    known: Unknowns | None = None,
 ) -> NewBranch | None:
     """The cycles at row . (u - origin) = A, for two values of A: the bifurcation itself is not the same with
-    other time steps, so that a second amplitude tells the sense.
+    other time steps, so that a second amplitude tells the sense.  ``known``: tangent of the known branch.
     """
     steps = first_steps(problem, origin)
     reference, basis = reference_of(problem, origin, steps), first_basis(problem, origin, steps)
@@ -155,9 +161,19 @@ def _branch_along(
         if correction.cycle is None:
             return None
         found.append(correction.cycle.unknowns)
+        if known is not None and not _near(found[-1].minus(origin), direction.scaled(size), known):
+            return None
     first, second = found
     start = BranchStart(first.state, first.parameter, first.period)
     return NewBranch(problem, start, 1 if second.parameter >= first.parameter else -1)
+
+
+def _near(moved: Unknowns, predicted: Unknowns, known: Unknowns) -> bool:
+    """Whether a cycle lies where the other branch starts, A (n + c t) with any c, and not on a third one."""
+    rest, along = moved.state - predicted.state, known.state
+    if np.any(along):
+        rest = rest - along * float(along @ rest) / float(along @ along)
+    return bool(np.linalg.norm(rest) <= _NEAR * np.linalg.norm(predicted.state))
 
 
 def doubled_map(period_map: PeriodMap) -> PeriodMap:
