@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from pipelines.bifurcations.branch import BranchStart
 from pipelines.bifurcations.detection import signed_smallest
 from pipelines.orbits.floquet import Complex
+from pipelines.orbits.hopf_start import start_at_hopf
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.orbits.system import Matrix, Vector
 
@@ -23,8 +25,8 @@ _REAL = 1e-6  # imaginary part, relative to the largest eigenvalue, below which 
 
 @dataclass(frozen=True)
 class HopfPoint:
-    """What ``start_at_hopf`` starts from: ``equilibrium`` (N,) with the eigenvalue i ``frequency`` (> 0), its
-    ``eigenvector`` (N,) and the ``parameter``.
+    """The ``equilibrium`` (N,) with the eigenvalue i ``frequency`` (> 0), its ``eigenvector`` (N,) and the
+    ``parameter``.
     """
 
     equilibrium: Vector
@@ -66,6 +68,21 @@ def hopf_point(problem: CycleProblem, bracket: tuple[float, float], guess: Vecto
     if not frequency > _REAL * float(np.max(np.abs(eigenvalues))):
         raise ValueError(f"two real eigenvalues have the sum zero at {problem.parameter} = {parameter:.6g}")
     return HopfPoint(state, vectors[:, nearest].astype(complex), frequency, parameter)
+
+
+def cycles_from_hopf(problem: CycleProblem, point: HopfPoint, amplitude: float) -> BranchStart | None:
+    """The start of the branch of cycles that is born at a Hopf point of ``problem``.
+
+    ``amplitude`` (> 0) of the entry that moves most.  None when no cycle of that amplitude was found: try a
+    smaller one.
+    """
+    found = start_at_hopf(
+        problem, point.equilibrium, point.eigenvector, point.frequency, point.parameter, amplitude
+    )
+    if found.cycle is None:
+        return None
+    first = found.cycle.unknowns
+    return BranchStart(first.state, first.parameter, first.period)
 
 
 def _equilibrium(problem: CycleProblem, value: float, guess: Vector) -> Vector:

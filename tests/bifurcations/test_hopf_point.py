@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.hopf_point import hopf_point
-from pipelines.orbits.hopf_start import start_at_hopf
+from pipelines.bifurcations.hopf_point import cycles_from_hopf, hopf_point
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.orbits.steppers import DOPRI8
@@ -38,12 +38,12 @@ def test_cycles_of_roessler_from_the_hopf_point() -> None:
         0.0, found.equilibrium, np.eye(3), problem.parameters_at(found.parameter)
     )
     assert np.allclose(jacobian @ found.eigenvector, 1j * found.frequency * found.eigenvector, atol=1e-9)
-    cycle = start_at_hopf(
-        problem, found.equilibrium, found.eigenvector, found.frequency, found.parameter, 0.01
-    ).cycle
-    assert cycle is not None
-    assert cycle.unknowns.parameter == pytest.approx(found.parameter, abs=1e-5)
-    assert cycle.unknowns.period == pytest.approx(2 * math.pi / found.frequency, abs=1e-4)
+    first = cycles_from_hopf(problem, found, 0.01)
+    assert first is not None
+    assert first.parameter == pytest.approx(found.parameter, abs=1e-5)
+    assert first.period == pytest.approx(2 * math.pi / found.frequency, abs=1e-4)
+    hasty = replace(problem, options=replace(problem.options, iterations=1))
+    assert cycles_from_hopf(hasty, found, 1.0) is None
 
 
 def test_what_is_no_hopf_point() -> None:
