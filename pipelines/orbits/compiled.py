@@ -94,6 +94,9 @@ def _invert(matrix, out):  # type: ignore[no-untyped-def]
         for j in range(size):
             matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
             out[k, j], out[pivot, j] = out[pivot, j], out[k, j]
+        if not np.isfinite(matrix[k, k]):
+            out[:] = np.nan
+            return
         scale = 1.0 / matrix[k, k]
         for j in range(size):
             matrix[k, j] *= scale
