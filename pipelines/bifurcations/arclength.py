@@ -42,6 +42,7 @@ from pipelines.orbits.shooting import (
     Correction,
     Cycle,
     CycleProblem,
+    NewtonStop,
     Unknowns,
     correct,
     first_basis,
@@ -123,6 +124,8 @@ def _open_branch(
         )
     guess = problem.consistent(Unknowns(np.array(start.state, dtype=float), start.period, start.parameter))
     steps = first_steps(problem, guess)
+    if isinstance(steps, NewtonStop):
+        return BranchResult(BranchStop.START_FAILED, None, steps.advice)
     reference = reference_of(problem, guess, steps)
     basis = first_basis(problem, guess, steps)
     correction = correct(problem, guess, problem.fixed_parameter(start.parameter), basis, steps, reference)

@@ -116,7 +116,7 @@ class BranchPoint:
     """One accepted cycle: ``cycle`` holds state, period, orbit samples, multipliers and their residuals.
 
     ``residual_norms`` and ``update_norms``: history of the corrector; ``step_error``: estimated error of the
-    multipliers by the time steps, NaN for an explicit stepper; ``unlocated``: events that were
+    multipliers by the time steps, NaN where it is unknown; ``unlocated``: events that were
     detected in the step to this point but could not be located even with the smallest step; ``unexplained``:
     the events of that smallest step, located or not, do not account for the change of its unstable count, so
     some are missing.

@@ -183,7 +183,7 @@ class CurvePoint:
     ``parameters`` (2,): both free ones; ``kappa``: cos of the critical angle; ``alignment``: cosine between
     left and right null vector; ``right`` (N, m): critical vectors; ``normal_form``: None when not asked for
     or not defined; ``effort``: iterations before the time steps were refined; ``step_error``: estimated
-    error of the multipliers by the time steps, NaN for an explicit stepper; ``residual_norms`` and
+    error of the multipliers by the time steps, NaN where it is unknown; ``residual_norms`` and
     ``test_values``: history of the corrector; ``unlocated``: special points that were detected in the step to
     this point but could not be located.
     """

@@ -229,7 +229,8 @@ def _predict_and_correct(
     if found is None or found.point is None or _bound_passed(guess, options) is not None:
         return _Rejected("the corrector leaves the ranges of the parameters")
     demand, effort = demand_of(problem, found.point, steps), found.iterations
-    if demand.error > _REPEATED * problem.options.step_tolerance and demand.steps > steps:
+    enough = demand.error <= _REPEATED * problem.options.step_tolerance
+    if not enough and demand.steps > steps:
         steps = problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
         again = correct_critical(problem, guess, closing, found.point.basis, frame, steps, reference)
         if again.point is None:

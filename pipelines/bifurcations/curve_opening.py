@@ -41,6 +41,7 @@ from pipelines.bifurcations.surface import (
 from pipelines.bifurcations.walking import period_scale
 from pipelines.orbits.floquet import adapted_basis
 from pipelines.orbits.shooting import (
+    NewtonStop,
     correct,
     first_basis,
     reference_of,
@@ -62,6 +63,8 @@ def open_curve(
     unknowns, cycles = problem.unknowns(guess), problem.cycle_problem(guess)
     metric = metric_from(problem, options, guess)
     steps = first_steps(cycles, unknowns)
+    if isinstance(steps, NewtonStop):
+        return CurveResult(CurveStop.START_FAILED, None, steps.advice)
     opened = _open_with(problem, start, options, metric, guess, first_basis(cycles, unknowns, steps), steps)
     if isinstance(opened, CurveEnd):
         demand = demand_of(problem, opened, steps)

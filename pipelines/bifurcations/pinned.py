@@ -25,7 +25,7 @@ from pipelines.bifurcations.frames import first_frame, vectors_of
 from pipelines.bifurcations.plane import CurveProblem, MapAt, PlaneMetric, Position
 from pipelines.bifurcations.surface import surface_tangents
 from pipelines.bifurcations.walking import STEP_GROWTH
-from pipelines.orbits.shooting import correct, first_basis, reference_of
+from pipelines.orbits.shooting import NewtonStop, correct, first_basis, reference_of
 from pipelines.orbits.system import Matrix
 from pipelines.orbits.time_steps import first_steps
 
@@ -74,7 +74,11 @@ def _pinned(
 ) -> PinnedPoint | NotPinned:
     cycles, unknowns = problem.cycle_problem(guess), problem.unknowns(guess)
     chosen = steps is None
-    steps = first_steps(cycles, unknowns) if steps is None else steps
+    if steps is None:
+        first = first_steps(cycles, unknowns)
+        if isinstance(first, NewtonStop):
+            return NotPinned(first.advice)
+        steps = first
     found = _corrected(problem, guess, held, metric, first_basis(cycles, unknowns, steps), angle, steps)
     for _ in range(2):
         if isinstance(found, NotPinned) or not chosen:
@@ -87,8 +91,8 @@ def _pinned(
     if isinstance(found, NotPinned):
         return found
     at, kappa = found.position, min(1.0, max(-1.0, found.critical.kappa))
-    first, second = (float(value) for value in at.parameters)
-    return PinnedPoint((first, second), at.state, at.period, float(np.arccos(kappa)), steps)
+    held_at, free_at = (float(value) for value in at.parameters)
+    return PinnedPoint((held_at, free_at), at.state, at.period, float(np.arccos(kappa)), steps)
 
 
 def _corrected(

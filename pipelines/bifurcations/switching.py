@@ -32,6 +32,7 @@ from pipelines.orbits.shooting import (
     Constraint,
     Cycle,
     CycleProblem,
+    NewtonStop,
     Unknowns,
     correct,
     first_basis,
@@ -153,6 +154,8 @@ def _branch_along(
     other time steps, so that a second amplitude tells the sense.  ``known``: tangent of the known branch.
     """
     steps = first_steps(problem, origin)
+    if isinstance(steps, NewtonStop):
+        return None
     reference, basis = reference_of(problem, origin, steps), first_basis(problem, origin, steps)
     found: list[Unknowns] = []
     for size in (amplitude, _FARTHER * amplitude):

@@ -291,7 +291,7 @@ CYCLES = GroupSpec(
         _real(
             "step_error",
             "point",
-            "estimated error of the multipliers by the time steps (implicit stepper only)",
+            "estimated error of the multipliers by the time steps; unknown where missing",
         ),
         _real(
             "basis",
@@ -447,7 +447,7 @@ CURVE = GroupSpec(
         _real(
             "step_error",
             "point",
-            "estimated error of the multipliers by the time steps (implicit stepper only)",
+            "estimated error of the multipliers by the time steps; unknown where missing",
         ),
         _real(
             "directions",

@@ -21,6 +21,7 @@ from pipelines.orbits.shooting import (
     Constraint,
     Correction,
     CycleProblem,
+    NewtonStop,
     Unknowns,
     correct,
     first_basis,
@@ -56,6 +57,8 @@ def start_at_hopf(
     row = direction.real / float(direction.real @ direction.real)
     constraint = Constraint(Unknowns(row, 0.0, 0.0), float(row @ equilibrium) + amplitude)
     steps = first_steps(problem, guess)
+    if isinstance(steps, NewtonStop):
+        return Correction(steps, None, (), ())
     reference = _linear_reference(direction, amplitude, equilibrium, period_map.samples)
     return correct(problem, guess, constraint, first_basis(problem, guess, steps), steps, reference)
 

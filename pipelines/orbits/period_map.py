@@ -218,7 +218,7 @@ class PeriodMap:
             column_period[given + j] = term.period_rate
 
         run = _Run(
-            np.array(state, dtype=float), block, np.empty((self.samples, size)), np.zeros(1 + width),
+            np.array(state, dtype=float), block, np.full((self.samples, size), np.nan), np.zeros(1 + width),
             np.zeros((0, size)) if reference is None else reference.gradient, column_parameter, column_period,
         )  # fmt: skip
         only_columns = given > 0 and not inhomogeneous
@@ -348,7 +348,7 @@ class PeriodMap:
         return np.concatenate([rates, [s1 + omega * s2 - s1 * radius, -omega * s1 + s2 - s2 * radius]])
 
     def spectral_radius(self, orbit: Matrix, parameters: Vector) -> float:
-        """Largest modulus of the eigenvalues of J along an orbit (samples, size), by power iteration.
+        """Largest modulus of the eigenvalues of J along the first samples of an orbit, by power iteration.
 
         The start vector is fixed, so that the same orbit always gives the same number.
         """
@@ -356,7 +356,7 @@ class PeriodMap:
         golden = (math.sqrt(5.0) - 1.0) / 2.0
         vector: Vector = np.mod(np.arange(1, size + 1) * golden, 1.0) - 0.4
         stride = max(1, self.samples // _POWER_PHASES)
-        for k in range(0, self.samples, stride):
+        for k in range(0, len(orbit), stride):
             state = np.ascontiguousarray(orbit[k, :size])
             phase = 2.0 * math.pi * self.turns * k / self.samples
             if self.extended:

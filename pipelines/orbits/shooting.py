@@ -48,6 +48,10 @@ class NewtonStop(Enum):
     DIVERGED = "the residual grows: start closer to the cycle or take a smaller continuation step"
     STUCK = "the test function of the bifurcation does not get smaller: take smaller continuation steps"
     NON_FINITE = "the orbit left the domain of the equations: start closer or use more steps per period"
+    TOO_STIFF = (
+        "an explicit stepper needs more than a million time steps per period to be stable: use an implicit "
+        "one, or insist on a number of steps per period"
+    )
     SINGULAR = (
         "the bordered matrix is singular: change the continued parameter or start away from the bifurcation"
     )

@@ -1,27 +1,35 @@
-"""How many time steps a period needs.
+"""How many time steps a period needs, and what those in use leave in the multipliers.
 
-An explicit stepper needs as many as keep it stable, which the spectral radius along the orbit tells; its
-error is far smaller then.  An L-stable implicit one is stable anyway: its steps follow from a tolerance on
-the Floquet multipliers.  With n and with n/2 steps of order p
+An explicit stepper needs at least as many as keep it stable, which the spectral radius along the orbit tells.
+The steps of both kinds follow from a tolerance on the Floquet multipliers.  With n and with n/2 steps of
+order p
 
     |mu_n - mu| = |mu_n - mu_{n/2}| / (2^p - 1),    n_needed = n (|mu_n - mu| / tolerance)^(1/p)
 
-A clipped film whose pressure touches the ambient line without a slope is not smooth in time; then more
-steps help little, their number is limited, and the error that is left is told.
+A clipped film whose pressure touches the ambient line without a slope is not smooth in time, and what a kink
+leaves depends on where the steps fall: no coarser pass tells.  So a pass with r n steps, r = 3/2, must find
+the same error; where it does not, the order is that of a kink, 2, and the larger estimate counts:
+
+    |mu_n - mu| = max(|mu_n - mu_{n/2}| / (2^2 - 1), |mu_n - mu_{rn}| / (1 - r^-2))
+
+Where more steps change the multipliers far more than fewer did, the error is unknown: NaN.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 
 from pipelines.orbits.period_map import PeriodImage, PeriodMap
-from pipelines.orbits.shooting import Cycle, CycleProblem, ShootingOptions, Unknowns
+from pipelines.orbits.shooting import Cycle, CycleProblem, NewtonStop, ShootingOptions, Unknowns
 from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.orbits.system import Matrix, Vector
 
+MOST_STEPS = 1_000_000  # of a period, with which an explicit stepper would be busy for hours
 _FEWEST = 16  # steps of a forcing period
 _MOST = 1 << 16  # steps with which the search for a first number gives up
 _RESOLVED = 1e-3  # change of phi(s) on halving the steps below which a correction can start
@@ -30,25 +38,33 @@ _ENOUGH = (
 )
 _MARGIN = 1.1  # steps beyond the need
 _TOO_MANY = 0.7  # share of the steps in use below which fewer are taken
+_FINER = 1.5  # r
+_KINKED = 2.0  # order across a kink
+_AGREE = 0.15  # relative difference of two estimates of the same error
+_CONTRADICT = 2.0  # change by more steps, in changes by fewer, of multipliers that do not converge
+_ROUNDING = 1e-12  # change of a multiplier that tells nothing
+
+_Mapped = Callable[[Matrix, int], Matrix | None]  # M block with a number of steps; None where they diverge
 
 
 @dataclass(frozen=True)
 class StepDemand:
     """``steps`` that meet the tolerance, and the estimated ``error`` of the multipliers with those in use:
-    NaN for an explicit stepper.
+    NaN where it is unknown.
     """
 
     steps: int
     error: float
 
 
-def first_steps(problem: CycleProblem, guess: Unknowns) -> int:
-    """Steps per period with which to correct a guess that is not yet a cycle."""
+def first_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonStop:
+    """Steps per period with which to correct a guess that is not yet a cycle, or why there are none."""
     period_map, guess = problem.period_map, problem.consistent(guess)
     parameters = problem.parameters_at(guess.parameter)
-    if period_map.steps_per_period is not None or not isinstance(period_map.stepper, ImplicitStepper):
-        orbit = np.tile(guess.state, (period_map.samples, 1))
-        return _stable_steps(period_map, orbit, parameters, guess.period)
+    if period_map.steps_per_period is not None:
+        return period_map.steps_for(0.0, guess.period)
+    if not isinstance(period_map.stepper, ImplicitStepper):
+        return _first_stable_steps(period_map, guess, parameters)
     steps = 2 * _FEWEST * period_map.turns
     coarse = period_map.evaluate(guess.state, parameters, guess.period, steps)
     while steps < _MOST:
@@ -59,6 +75,28 @@ def first_steps(problem: CycleProblem, guess: Unknowns) -> int:
             return steps // 2
         coarse = fine
     return steps
+
+
+def _first_stable_steps(period_map: PeriodMap, guess: Unknowns, parameters: Vector) -> int | NewtonStop:
+    """Steps that are stable along their own orbit: more until they are, beginning with what is stable at the
+    start.
+    """
+    start = np.ascontiguousarray(guess.state[None, :])
+    steps = _stable_steps(period_map, start, parameters, guess.period)
+    reached = -1
+    while steps <= MOST_STEPS:
+        image = period_map.evaluate(guess.state, parameters, guess.period, steps)
+        known = image.orbit[np.all(np.isfinite(image.orbit), axis=1)]
+        if image.finite:
+            needed = _stable_steps(period_map, known, parameters, guess.period)
+            if needed <= steps:
+                return steps
+            steps = min(needed, 2 * steps)
+            continue
+        if len(known) == reached:  # more steps do not lead farther: it is the orbit that leaves
+            return steps
+        reached, steps = len(known), 2 * steps
+    return NewtonStop.TOO_STIFF
 
 
 def step_demand(problem: CycleProblem, cycle: Cycle) -> StepDemand:
@@ -81,37 +119,93 @@ def demand_at(
     image: PeriodImage,
 ) -> StepDemand:
     """The same from a periodic state and its pass with ``steps``, whose columns begin with ``basis``."""
-    stepper = period_map.stepper
-    if not isinstance(stepper, ImplicitStepper):
-        return StepDemand(_stable_steps(period_map, image.orbit, parameters, period), math.nan)
-    half = max(1, steps // 2)
-    coarse = period_map.evaluate(state, parameters, period, half, basis, once=True)
-    if not coarse.finite:
-        return StepDemand(min(2 * steps, _ENOUGH * period_map.turns), math.inf)
-    fine = basis.T @ image.columns[:, : basis.shape[1]]
-    change = _largest_change(fine, basis.T @ coarse.columns, options.checked_modulus)
-    error = change / ((steps / half) ** stepper.order - 1.0)
+    stable = 0
+    if not isinstance(period_map.stepper, ImplicitStepper):
+        stable = min(MOST_STEPS, _stable_steps(period_map, image.orbit, parameters, period))
+    projected = basis.T @ image.columns[:, : basis.shape[1]]
+    half = period_map.rounded_steps(max(1, steps // 2))
+    finer = period_map.rounded_steps(math.ceil(_FINER * steps))
+
+    def mapped(block: Matrix, count: int) -> Matrix | None:
+        passed = period_map.evaluate(state, parameters, period, count, block, once=True)
+        return passed.columns if passed.finite else None
+
+    halved = math.nan
+    if stable <= half < steps:
+        halved = _change(mapped, basis, projected, half, options.checked_modulus)
+    if math.isinf(halved):
+        wanted, error = max(steps, min(2 * steps, _ENOUGH * period_map.turns)), math.nan
+    else:
+        refined = _cheap_change(mapped, basis, projected, finer, options.checked_modulus)
+        error = _error(period_map.stepper.order, (steps / half, halved), (finer / steps, refined))
+        wanted = steps if math.isnan(error) else _wanted_steps(period_map, options, steps, error)
     if period_map.steps_per_period is not None:
         return StepDemand(steps, error)
-    return StepDemand(_wanted_steps(period_map, options, steps, error), error)
+    return StepDemand(max(wanted, stable), error)
+
+
+def _error(order: int, coarser: tuple[float, float], finer: tuple[float, float]) -> float:
+    """The estimate drawn at the head of this module, from the ratio of the steps and the change of the
+    multipliers with fewer steps (NaN where there is no such pass) and with more.
+    """
+    (fewer, halved), (more, refined) = coarser, finer
+    kinked = refined / (1.0 - more**-_KINKED)
+    if math.isnan(halved):
+        return kinked if math.isfinite(kinked) else math.nan
+    smooth, same = halved / (fewer**order - 1.0), refined / (1.0 - more**-order)
+    if abs(smooth - same) <= _AGREE * max(smooth, same) or max(halved, refined) <= _ROUNDING:
+        return smooth
+    if refined > _CONTRADICT * halved:
+        return math.nan
+    return max(kinked, halved / (fewer**_KINKED - 1.0))
+
+
+def _change(mapped: _Mapped, basis: Matrix, projected: Matrix, steps: int, modulus: float) -> float:
+    """Largest change of a multiplier above ``modulus`` with other ``steps``; infinite where those diverge."""
+    columns = mapped(basis, steps)
+    if columns is None:
+        return math.inf
+    return _largest_change(projected, basis.T @ columns, modulus)
+
+
+def _cheap_change(mapped: _Mapped, basis: Matrix, projected: Matrix, steps: int, modulus: float) -> float:
+    """The same for the price of few columns: with bases R, L of the dominant invariant subspaces of H = V'MV
+    and of H', the multipliers of another M are, up to the square of the change, those of
+    (L'R)^-1 L'V'M V R.
+    """
+    right, left = (_dominant(matrix, modulus) for matrix in (projected, projected.T))
+    if right.shape[1] == 0:
+        return 0.0
+    columns = mapped(basis @ right, steps)
+    if columns is None:
+        return math.inf
+    other = np.asarray(np.linalg.solve(left.T @ right, left.T @ (basis.T @ columns)), dtype=np.float64)
+    return _largest_change(projected, other, modulus)
+
+
+def _dominant(matrix: Matrix, modulus: float) -> Matrix:
+    """Orthonormal basis of the invariant subspace of the eigenvalues above ``modulus``."""
+    _, vectors, count = scipy.linalg.schur(matrix, sort=lambda re, im=0.0: math.hypot(re, im) > modulus)
+    return np.ascontiguousarray(vectors[:, :count])
 
 
 def following_steps(problem: CycleProblem, steps: int, error: float) -> int:
     """Steps for the next cycle: fewer when those in use leave far less than the tolerance, more when they
-    leave more.
+    leave more.  An explicit stepper takes no fewer, because stability may ask for them.
     """
-    period_map, stepper = problem.period_map, problem.period_map.stepper
-    fixed = period_map.steps_per_period is not None or not isinstance(stepper, ImplicitStepper)
-    if fixed or not math.isfinite(error):
+    period_map = problem.period_map
+    if period_map.steps_per_period is not None or not math.isfinite(error):
         return steps
     wanted = _wanted_steps(period_map, problem.options, steps, error)
-    return wanted if wanted < _TOO_MANY * steps or wanted > steps else steps
+    fewer = wanted < _TOO_MANY * steps and isinstance(period_map.stepper, ImplicitStepper)
+    return wanted if fewer or wanted > steps else steps
 
 
 def _wanted_steps(period_map: PeriodMap, options: ShootingOptions, steps: int, error: float) -> int:
     relative = error / options.step_tolerance
     needed = math.ceil(_MARGIN * steps * relative ** (1.0 / period_map.stepper.order))
-    return min(max(_FEWEST, needed // period_map.turns + 1), _ENOUGH) * period_map.turns
+    wanted = min(max(_FEWEST, needed // period_map.turns + 1), _ENOUGH) * period_map.turns
+    return period_map.rounded_steps(wanted)
 
 
 def _stable_steps(period_map: PeriodMap, orbit: Matrix, parameters: Vector, period: float) -> int:

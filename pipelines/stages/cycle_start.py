@@ -26,13 +26,13 @@ from pipelines.orbits.hopf_start import start_at_hopf
 from pipelines.orbits.linear import Instability, at_speed, linear_point
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.orbits.steppers import ImplicitStepper
+from pipelines.orbits.time_steps import MOST_STEPS
 from pipelines.stages.cycle_problem import is_self_excited
 from pipelines.stages.linearize import hopf_between, leading_growth
 
 Array = NDArray[np.float64]
 
 HOPF_SCAN_POINTS = 25
-LARGEST_CHOSEN_STEPS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def _too_stiff(problem: CycleProblem, start: BranchStart) -> NoStart | None:
     resting = np.tile(start.state, (period_map.samples, 1))
     radius = period_map.spectral_radius(resting, problem.parameters)
     steps = period_map.steps_for(radius, start.period)
-    if steps <= LARGEST_CHOSEN_STEPS:
+    if steps <= MOST_STEPS:
         return None
     return NoStart(
         f"the machine is too stiff: stability needs {steps} steps per period (fastest rate {radius:.3g})",

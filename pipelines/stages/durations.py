@@ -22,7 +22,7 @@ from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.campbell import campbell_diagram
 from pipelines.orbits.equilibrium import Equilibrium, machine_equilibrium
 from pipelines.orbits.linear import at_speed, linear_point
-from pipelines.orbits.shooting import CycleProblem, Unknowns, first_basis
+from pipelines.orbits.shooting import CycleProblem, NewtonStop, Unknowns, first_basis
 from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.orbits.time_steps import demand_at, first_steps
 from pipelines.stages.cycle_problem import INITIAL_COLUMNS, cycle_problem
@@ -115,7 +115,10 @@ def _pass(machine: Machine, case: Case) -> float | None:
         return None
     state, period = period_map.extend(found.state), _period(problem)
     guess = problem.consistent(Unknowns(state, period, float(parameters[problem.index])))
-    steps = wanted = first_steps(problem, guess)
+    first = first_steps(problem, guess)
+    if isinstance(first, NewtonStop):
+        return None
+    steps = wanted = first
     if isinstance(period_map.stepper, ImplicitStepper):
         basis = first_basis(problem, guess, steps)
         image = period_map.evaluate(state, parameters, period, steps, basis)
