@@ -139,7 +139,7 @@ def _open_branch(
         demand = _NO_DEMAND if correction.cycle is None else step_demand(problem, correction.cycle)
     cycle = correction.cycle
     if cycle is None:
-        return BranchResult(BranchStop.START_FAILED, None, correction.stop.advice)
+        return BranchResult(BranchStop.START_FAILED, None, correction.advice)
     row = Unknowns(np.zeros(problem.period_map.size), 0.0, float(options.direction))
     tangent = tangent_at(problem, cycle, row, reference)
     if tangent is None:
@@ -223,7 +223,7 @@ def _segment(
     """The piece of branch from a state to a corrected cycle, unless it is too long to be one piece."""
     cycle = correction.cycle
     if cycle is None:
-        return _Rejected(correction.stop.advice)
+        return _Rejected(correction.advice)
     chord = cycle.unknowns.minus(state.unknowns)
     if metric.norm(chord) == 0.0:
         return _Rejected("the corrector returned to the previous point")

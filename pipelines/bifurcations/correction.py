@@ -11,6 +11,7 @@ from pipelines.bifurcations.critical import (
 )
 from pipelines.bifurcations.plane import (
     CurveProblem,
+    MapAt,
     PlaneMetric,
     Position,
 )
@@ -20,6 +21,8 @@ from pipelines.bifurcations.surface import (
 from pipelines.orbits.floquet import orthonormal
 from pipelines.orbits.shooting import (
     NewtonStop,
+    advice_of,
+    is_rounding,
 )
 from pipelines.orbits.system import Matrix, size_of
 
@@ -90,6 +93,12 @@ class CurveCorrection:
     def iterations(self) -> int:
         return max(0, len(self.residual_norms) - 1)
 
+    @property
+    def advice(self) -> str:
+        """Why the corrector stopped, with what to change."""
+        pairs = zip(self.residual_norms, self.test_values, strict=True)
+        return advice_of(self.stop, [max(residual, abs(value)) for residual, value in pairs])
+
 
 @dataclass(frozen=True)
 class History:
@@ -128,6 +137,18 @@ class History:
         """Whether the sum of both grew beyond recovery."""
         sizes = [r + abs(g) for r, g in zip(self.residual_norms, self.test_values, strict=True)]
         return sizes[-1] > max(1.0, _DIVERGENCE * min(sizes))
+
+    def given_up(self, stop: NewtonStop, at: MapAt) -> CurveCorrection:
+        """The end of an iteration that did not converge, by rounding where that is why."""
+        parameters = at.problem.parameters_at(at.position)
+        place = at.position.state, parameters, at.position.period, at.steps
+        rounding = is_rounding(at.problem.period_map, place, at.reference, self._sizes)
+        return self.ended(NewtonStop.ROUNDING if rounding else stop)
+
+    @property
+    def _sizes(self) -> list[float]:
+        pairs = zip(self.residual_norms, self.test_values, strict=True)
+        return [max(residual, abs(value)) for residual, value in pairs]
 
     def ended(self, stop: NewtonStop, point: CriticalCycle | None = None) -> CurveCorrection:
         return CurveCorrection(stop, point, self.residual_norms, self.test_values)

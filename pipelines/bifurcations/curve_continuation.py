@@ -224,7 +224,7 @@ def _predict_and_correct(
             break
         found = correct_critical(problem, guess, closing, basis, frame, steps, reference)
         if found.point is None:
-            return _Rejected(found.stop.advice)
+            return _Rejected(found.advice)
         guess = found.point.position
     if found is None or found.point is None or _bound_passed(guess, options) is not None:
         return _Rejected("the corrector leaves the ranges of the parameters")
@@ -234,7 +234,7 @@ def _predict_and_correct(
         steps = problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
         again = correct_critical(problem, guess, closing, found.point.basis, frame, steps, reference)
         if again.point is None:
-            return _Rejected(again.stop.advice)
+            return _Rejected(again.advice)
         demand = demand_of(problem, again.point, steps)
         found = _one_history(found, again)
     return _segment(problem, state, options, closing, found, reference, (effort, demand.error))
@@ -250,7 +250,7 @@ def _segment(
     effort_and_error: tuple[int, float],
 ) -> CurveSegment | _Rejected:
     if found.point is None:
-        return _Rejected(found.stop.advice)
+        return _Rejected(found.advice)
     if closing.metric.norm(found.point.position.minus(state.position)) == 0.0:
         return _Rejected("the corrector returned to the previous point")
     end = curve_end(found, found.point, closing, state.tangent, options.normal_form, state.frame)

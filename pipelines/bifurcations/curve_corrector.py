@@ -115,9 +115,9 @@ def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
         if history.converged(at.problem, critical.error):
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, gradient))
         if history.diverged:
-            return history.ended(NewtonStop.DIVERGED)
+            return history.given_up(NewtonStop.DIVERGED, at)
         if history.stuck(at.problem):
-            return history.ended(NewtonStop.STUCK)
+            return history.given_up(NewtonStop.STUCK, at)
         step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
         if step is None:
             return history.ended(NewtonStop.SINGULAR)
@@ -131,7 +131,7 @@ def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
         moved, last = step.correction.plus(step.across, beta), critical.value
         at, basis = at.beside(moved, 1.0), following(basis, linear.image.columns)
         vectors = Vectors(critical.right, critical.right_period or 0.0)
-    return history.ended(NewtonStop.ITERATIONS)
+    return history.given_up(NewtonStop.ITERATIONS, at)
 
 
 def _learnt(

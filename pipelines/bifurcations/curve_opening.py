@@ -137,7 +137,7 @@ def _open_with(
     closing, frame, along = closing_frame
     corrected = correct_critical(problem, guess, closing, basis, frame, steps, reference)
     if corrected.point is None:
-        return corrected.stop.advice
+        return corrected.advice
     end = curve_end(corrected, corrected.point, closing, along, options.normal_form, frame)
     return "the tangent of the first point is singular" if end is None else end
 

@@ -78,9 +78,9 @@ def correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -
                 return history.ended(NewtonStop.SINGULAR)
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, closing.gradient))
         if history.diverged:
-            return history.ended(NewtonStop.DIVERGED)
+            return history.given_up(NewtonStop.DIVERGED, at)
         if history.stuck(at.problem):
-            return history.ended(NewtonStop.STUCK)
+            return history.given_up(NewtonStop.STUCK, at)
         step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
         if step is None:
             return history.ended(NewtonStop.SINGULAR)
@@ -90,7 +90,7 @@ def correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -
         at = at.beside(step.correction.plus(step.across, update.beta), 1.0)
         vectors, angle = vectors + update.vectors, angle + update.angle
         basis = following(basis, linear.image.columns)
-    return history.ended(NewtonStop.ITERATIONS)
+    return history.given_up(NewtonStop.ITERATIONS, at)
 
 
 def _mapped(opening: CriticalPass, vectors: Matrix) -> CriticalPass:

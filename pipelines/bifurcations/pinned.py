@@ -111,7 +111,7 @@ def _corrected(
         constraint = cycles.fixed_parameter(unknowns.parameter)
         corrected = correct(cycles, unknowns, constraint, basis, steps, reference)
         if corrected.cycle is None:
-            return NotPinned(corrected.stop.advice)
+            return NotPinned(corrected.advice)
         at = corrected.cycle.unknowns
         basis, guess = corrected.cycle.basis, replace(guess, state=at.state, period=at.period)
     here = MapAt(problem, guess, steps, reference)
@@ -120,7 +120,7 @@ def _corrected(
     if frame is None or closing is None:
         return NotPinned("the guess has no critical multipliers, or they do not move with the free parameter")
     found = correct_critical(problem, guess, closing, basis, frame, steps, reference)
-    return NotPinned(found.stop.advice) if found.point is None else found.point
+    return NotPinned(found.advice) if found.point is None else found.point
 
 
 def _closing(at: MapAt, basis: Matrix, frame: Frame, held: int, metric: PlaneMetric) -> Closing | None:

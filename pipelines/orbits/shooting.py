@@ -19,6 +19,7 @@ Newton's.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -35,6 +36,11 @@ from pipelines.orbits.floquet import (
 from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, PhaseReference
 from pipelines.orbits.system import Matrix, Vector, size_of
 
+_NUDGE = 4.0 * np.finfo(float).eps  # relative change of a state in its last digits
+_SPARE = 10.0  # tolerance, in residuals that rounding leaves
+_DIGITS = 1e-14  # change of a residual by rounding, at least
+_NOISE = 1e3  # residual that may be rounding, in changes of it by a nudge: errors of stages and sums add up
+_STAGNANT = 0.1  # reduction of the residual in the last iteration that is none
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 
 
@@ -44,6 +50,10 @@ class NewtonStop(Enum):
     CONVERGED = "converged"
     ITERATIONS = (
         "the residual is still above the tolerance after the allowed iterations: start closer or allow more"
+    )
+    ROUNDING = (
+        "rounding keeps the residual above the tolerance, whatever the step and the iterations: "
+        "raise the tolerance"
     )
     DIVERGED = "the residual grows: start closer to the cycle or take a smaller continuation step"
     STUCK = "the test function of the bifurcation does not get smaller: take smaller continuation steps"
@@ -227,6 +237,16 @@ class Correction:
     def iterations(self) -> int:
         return len(self.update_norms)
 
+    @property
+    def advice(self) -> str:
+        """Why the corrector stopped, with what to change."""
+        return advice_of(self.stop, self.residual_norms)
+
+
+def advice_of(stop: NewtonStop, sizes: Sequence[float]) -> str:
+    """The advice of a stop, with the tolerance that rounding allows where it ended the iteration."""
+    return f"{stop.advice} to {_SPARE * max(sizes[-3:]):.0e}" if stop is NewtonStop.ROUNDING else stop.advice
+
 
 def correct(
     problem: CycleProblem,
@@ -250,6 +270,13 @@ def correct(
     def ended(stop: NewtonStop, cycle: Cycle | None = None) -> Correction:
         return Correction(stop, cycle, tuple(residuals), tuple(updates))
 
+    def given_up(stop: NewtonStop) -> Correction:
+        parameters = problem.parameters_at(unknowns.parameter)
+        place = unknowns.state, parameters, unknowns.period, steps
+        return ended(
+            NewtonStop.ROUNDING if is_rounding(problem.period_map, place, reference, residuals) else stop
+        )
+
     linear: Linearisation | None = None
     while True:
         image = _evaluate(problem, unknowns, basis, steps, reference)
@@ -260,9 +287,9 @@ def correct(
             cycle = _settled(problem, unknowns, basis, image, steps, reference, residuals[-1])
             return ended(NewtonStop.CONVERGED, replace(cycle, linear=linear))
         if residuals[-1] > _DIVERGENCE * min(residuals):
-            return ended(NewtonStop.DIVERGED)
+            return given_up(NewtonStop.DIVERGED)
         if len(updates) == options.iterations:
-            return ended(NewtonStop.ITERATIONS)
+            return given_up(NewtonStop.ITERATIONS)
         linear = _linearise(problem, unknowns, basis, image, steps, reference)
         update = _solve_bordered(problem, linear, constraint.row, constraint.gap(unknowns), image.phase)
         if update is None:
@@ -270,6 +297,30 @@ def correct(
         unknowns = problem.consistent(unknowns.plus(update))
         updates.append(_update_norm(problem, update, unknowns, image))
         basis = _next_basis(image.columns)
+
+
+def is_rounding(
+    period_map: PeriodMap,
+    place: tuple[Vector, Vector, float, int],
+    reference: PhaseReference | None,
+    sizes: Sequence[float],
+) -> bool:
+    """Whether an iteration whose residuals had these ``sizes`` stagnates because of rounding at its ``place``
+    (state, parameters, period, steps): the last digits of the state change the residual by as much.
+    """
+    if len(sizes) < 2 or sizes[-1] < _STAGNANT * min(sizes[:-1]):
+        return False
+    state, parameters, period, steps = place
+    nudged = state * (1.0 + _NUDGE)
+    here, beside = (
+        period_map.evaluate(start, parameters, period, steps, reference=reference)
+        for start in (state, nudged)
+    )
+    if not (here.finite and beside.finite):
+        return False
+    moved = here.state - state + nudged  # where the nudged state would arrive with the residual of the other
+    change = period_map.residual(moved, replace(beside, phase=beside.phase - here.phase))
+    return min(sizes) <= _NOISE * max(change, _DIGITS)
 
 
 def tangent_at(

@@ -8,11 +8,13 @@ order p
 
 A clipped film whose pressure touches the ambient line without a slope is not smooth in time, and what a kink
 leaves depends on where the steps fall: no coarser pass tells.  So a pass with r n steps, r = 3/2, must find
-the same error; where it does not, the order is that of a kink, 2, and the larger estimate counts:
+the same error,
 
-    |mu_n - mu| = max(|mu_n - mu_{n/2}| / (2^2 - 1), |mu_n - mu_{rn}| / (1 - r^-2))
+    |mu_n - mu| = |mu_n - mu_{rn}| / (1 - r^-p)
 
-Where more steps change the multipliers far more than fewer did, the error is unknown: NaN.
+Where it does not, the larger of the two is the likely error, from which the steps follow, and that of first
+order, p = 1 in the last line, bounds it and is told.  Where more steps change the multipliers far less than
+the order predicts, or more than fewer steps did, the error is unknown: NaN.
 """
 
 from __future__ import annotations
@@ -39,9 +41,9 @@ _ENOUGH = (
 _MARGIN = 1.1  # steps beyond the need
 _TOO_MANY = 0.7  # share of the steps in use below which fewer are taken
 _FINER = 1.5  # r
-_KINKED = 2.0  # order across a kink
-_AGREE = 0.15  # relative difference of two estimates of the same error
-_CONTRADICT = 2.0  # change by more steps, in changes by fewer, of multipliers that do not converge
+_AGREE = 0.1  # relative difference of two estimates of the same error
+_CONTRADICT = 2.0  # ratio of two changes of the multipliers that no convergence explains
+_BOUND = 3.0  # bound of a likely error in units of it
 _ROUNDING = 1e-12  # change of a multiplier that tells nothing
 
 _Mapped = Callable[[Matrix, int], Matrix | None]  # M block with a number of steps; None where they diverge
@@ -49,8 +51,8 @@ _Mapped = Callable[[Matrix, int], Matrix | None]  # M block with a number of ste
 
 @dataclass(frozen=True)
 class StepDemand:
-    """``steps`` that meet the tolerance, and the estimated ``error`` of the multipliers with those in use:
-    NaN where it is unknown.
+    """``steps`` whose likely error meets the tolerance, and the ``error`` of the multipliers with those in
+    use that is told: NaN where it is unknown.
     """
 
     steps: int
@@ -137,27 +139,26 @@ def demand_at(
         wanted, error = max(steps, min(2 * steps, _ENOUGH * period_map.turns)), math.nan
     else:
         refined = _cheap_change(mapped, basis, projected, finer, options.checked_modulus)
-        error = _error(period_map.stepper.order, (steps / half, halved), (finer / steps, refined))
-        wanted = steps if math.isnan(error) else _wanted_steps(period_map, options, steps, error)
+        likely, error = _errors(period_map.stepper.order, (steps / half, halved), (finer / steps, refined))
+        wanted = _wanted_steps(period_map, options, steps, likely) if math.isfinite(likely) else steps
     if period_map.steps_per_period is not None:
         return StepDemand(steps, error)
     return StepDemand(max(wanted, stable), error)
 
 
-def _error(order: int, coarser: tuple[float, float], finer: tuple[float, float]) -> float:
-    """The estimate drawn at the head of this module, from the ratio of the steps and the change of the
+def _errors(order: int, coarser: tuple[float, float], finer: tuple[float, float]) -> tuple[float, float]:
+    """The likely error and the one that is told, from the ratio of the steps and the change of the
     multipliers with fewer steps (NaN where there is no such pass) and with more.
     """
     (fewer, halved), (more, refined) = coarser, finer
-    kinked = refined / (1.0 - more**-_KINKED)
+    same, bound = refined / (1.0 - more**-order), refined / (1.0 - 1.0 / more)
     if math.isnan(halved):
-        return kinked if math.isfinite(kinked) else math.nan
-    smooth, same = halved / (fewer**order - 1.0), refined / (1.0 - more**-order)
+        return same, bound if math.isfinite(bound) else math.nan
+    smooth = halved / (fewer**order - 1.0)
     if abs(smooth - same) <= _AGREE * max(smooth, same) or max(halved, refined) <= _ROUNDING:
-        return smooth
-    if refined > _CONTRADICT * halved:
-        return math.nan
-    return max(kinked, halved / (fewer**_KINKED - 1.0))
+        return smooth, smooth
+    contradict = refined > _CONTRADICT * halved or _CONTRADICT * same < smooth
+    return max(smooth, same), math.nan if contradict else bound
 
 
 def _change(mapped: _Mapped, basis: Matrix, projected: Matrix, steps: int, modulus: float) -> float:
@@ -193,12 +194,13 @@ def following_steps(problem: CycleProblem, steps: int, error: float) -> int:
     """Steps for the next cycle: fewer when those in use leave far less than the tolerance, more when they
     leave more.  An explicit stepper takes no fewer, because stability may ask for them.
     """
-    period_map = problem.period_map
+    period_map, options = problem.period_map, problem.options
     if period_map.steps_per_period is not None or not math.isfinite(error):
         return steps
-    wanted = _wanted_steps(period_map, problem.options, steps, error)
+    wanted = _wanted_steps(period_map, options, steps, error)
     fewer = wanted < _TOO_MANY * steps and isinstance(period_map.stepper, ImplicitStepper)
-    return wanted if fewer or wanted > steps else steps
+    more = wanted > steps and error > _BOUND * options.step_tolerance
+    return wanted if fewer or more else steps
 
 
 def _wanted_steps(period_map: PeriodMap, options: ShootingOptions, steps: int, error: float) -> int:

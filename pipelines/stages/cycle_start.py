@@ -163,7 +163,7 @@ def _small_whirl(machine: Machine, case: Case, problem: CycleProblem, watch: Wat
     correction = start_at_hopf(along_speed, state, hopf.eigenvector, hopf.frequency, hopf.speed, amplitude)
     if correction.cycle is None:
         reason = f"the whirl beside the Hopf point at speed {hopf.speed:.6g} was not found"
-        return NoStart(f"{reason}: {correction.stop.advice}", "lower continue_cycles.amplitude")
+        return NoStart(f"{reason}: {correction.advice}", "lower continue_cycles.amplitude")
     found = correction.cycle.unknowns
     start = BranchStart(found.state, found.parameter, found.period)
     side = 1 if found.parameter > hopf.speed else -1

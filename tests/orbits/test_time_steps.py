@@ -94,6 +94,7 @@ def test_the_error_is_not_above_twice_what_is_told(overrides: tuple[str, ...]) -
             continue
         told += 1
         assert true - doubt <= 2.0 * error, (steps, true, error)
+        assert error <= 30.0 * (true + doubt), (steps, true, error)
     assert told >= 12
 
 
@@ -169,7 +170,7 @@ def test_the_tolerance_decides_for_an_explicit_stepper_too(tolerance: float) -> 
     start = BranchStart(np.array([0.33, 0.05, 0.0, 0.0]), 0.05)
     result = continue_branch(problem, start, ContinuationOptions((0.0, 0.08)), record)
     assert result.stop is BranchStop.RANGE
-    assert all(0.0 < error <= tolerance for error in errors)
+    assert all(0.0 < error <= 3.0 * tolerance for error in errors)
     assert min(steps) >= (256 if tolerance < 1e-6 else 128)
 
 
