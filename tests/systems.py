@@ -3,32 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numba import njit
 
-from pipelines.machine.kernels import FACTORISE, RATES, SOLVE, TANGENT
-from pipelines.machine.lines import LINE
-from pipelines.orbits.system import DynamicalSystem, ShiftedSolver
-
-
-def dense_shifted(tangent: Any, size: int) -> ShiftedSolver:
-    """The shifted equations of a small compiled system, solved by the inverse matrix."""
-
-    @njit(FACTORISE)
-    def factorise(phase, state, parameters, shift, constants, layout, work, factors):  # type: ignore[no-untyped-def]
-        identity = np.eye(size)
-        jacobian = np.empty((size, size))
-        tangent(phase, state, identity, parameters, constants, layout, work, jacobian)
-        factors[:] = np.linalg.inv(identity - shift * jacobian).ravel()
-
-    @njit(SOLVE)
-    def solve(factors, constants, layout, work, lines):  # type: ignore[no-untyped-def]
-        lines[:] = (factors.reshape(size, size) @ lines.reshape(size, LINE)).ravel()
-
-    return ShiftedSolver(factorise, solve, size * size)
-
+from pipelines.machine.kernels import RATES, TANGENT
+from pipelines.orbits.compiled import dense_shifted
+from pipelines.orbits.system import DynamicalSystem
 
 # --- Tondl's self-excited oscillator with parametric coupling, tests/reference/tondl_verified_point
 

@@ -117,7 +117,7 @@ class Event:
     along the branch; for a fold, where that is infinite, d abs(critical)/d arclength; NaN when a neighbouring
     cycle did not converge. ``residual``: distance of the critical multiplier from 1 (fold, branch point), -1
     or the unit circle; divided by the transversality it is the error of the parameter.  ``fraction``:
-    position in the step of the branch.
+    position in the step of the branch.  ``direction`` of the branch there; None for a stored event.
     """
 
     kind: EventKind
@@ -132,6 +132,7 @@ class Event:
     residual: float
     fraction: float
     steps: int
+    direction: Unknowns | None = None
 
 
 def nontrivial(multipliers: Complex, autonomous: bool) -> Complex:
@@ -302,6 +303,7 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
         residual=_distance(kind, critical),
         fraction=fraction,
         steps=cycle.steps,
+        direction=segment.direction(fraction),
     )
 
 

@@ -1,5 +1,7 @@
 """Critical normal-form coefficients of the stroboscopic map phi (Kuznetsov, Elements, ch. 5, 9 and 10).
 
+Cycles of unknown period have those of their return map: ``pipelines.bifurcations.section``.
+
 With B = D2 phi, C = D3 phi at the critical cycle, M q = mu q of unit 2-norm, p'M = mu p', p'q = 1:
 
     fold               x -> x + a x^2              a = p.B(q, q) / 2
@@ -22,6 +24,7 @@ import numpy as np
 from pipelines.bifurcations.critical import Critical, left_products
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import Position
+from pipelines.bifurcations.section import on_section
 from pipelines.bifurcations.surface import SurfaceLinearisation, sweep
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.system import Matrix, Vector
@@ -73,12 +76,12 @@ class NormalForm:
 def normal_form(
     linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions
 ) -> NormalForm | None:
-    """The coefficient of the problem's kind; None for cycles of unknown period, whose map is not the
-    stroboscopic one, for a neutral saddle and where a linear system is singular.
+    """The coefficient of the problem's kind; None for a neutral saddle and where a linear system is
+    singular.
     """
     kind = linear.at.problem.kind
     if linear.at.problem.period_map.autonomous:
-        return None
+        linear, critical = on_section(linear, critical)
     try:
         if kind is EventKind.FOLD:
             values = _fold(linear, critical, options)
@@ -96,14 +99,14 @@ def normal_form(
 
 
 def _fold(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
-    q = critical.right / np.linalg.norm(critical.right)
+    q = critical.right / linear.at.length(critical.right)
     quadratic, _ = _Differences(linear, q[:, 0], options).of(q, linear.at.tangent(q).columns)
     # a = p.B(q, q) / 2
     return 0.5 * _left(linear, critical, quadratic, q)[0]
 
 
 def _period_doubling(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
-    q = critical.right / np.linalg.norm(critical.right)
+    q = critical.right / linear.at.length(critical.right)
     along = _Differences(linear, q[:, 0], options)
     quadratic, cubic = along.of(q, linear.at.tangent(q).columns)
     # (I - M) h = B(q, q), for the fine and the coarse differences side by side
@@ -123,9 +126,9 @@ def _left(linear: SurfaceLinearisation, critical: Critical, columns: Matrix, q: 
 def _neimark_sacker(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
     mu, coefficients, left = _critical_pair(critical)
     q = critical.right @ coefficients
-    length = np.linalg.norm(q)
-    q, left = q / length, left * length
     parts = np.column_stack([q.real, q.imag])
+    length = linear.at.length(parts)
+    parts, left = parts / length, left * length
     centre = linear.at.tangent(parts).columns
     real, imaginary = (_Differences(linear, np.ascontiguousarray(part), options) for part in parts.T)
     by_real, cubic_real = real.of(parts, centre)

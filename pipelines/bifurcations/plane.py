@@ -197,6 +197,12 @@ class MapAt:
         """The map at position + distance direction, with the period of the forcing there."""
         return replace(self, position=self.problem.consistent(self.position.plus(direction, distance)))
 
+    def length(self, columns: Matrix) -> float:
+        """The norm in which critical vectors have unit length: of one column, or of both parts of a complex
+        one.
+        """
+        return float(np.linalg.norm(columns))
+
     def _evaluate(
         self, columns: Matrix, inhomogeneous: tuple[Inhomogeneity, ...], once: bool = False
     ) -> PeriodImage:

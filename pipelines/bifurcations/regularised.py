@@ -34,7 +34,7 @@ def stored_form(
     None when one of the cycles is not found, or as in ``normal_form``.
     """
     problem = found.linear.at.problem
-    if not problem.smooth_maps or problem.period_map.autonomous:
+    if not problem.smooth_maps:
         return normal_form(found.linear, found.critical, options)
     forms = []
     for smooth in problem.smooth_maps:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pipelines.bifurcations.walking import hermite_weights
+from pipelines.bifurcations.walking import hermite_slopes, hermite_weights
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import (
@@ -77,7 +77,14 @@ class Segment:
 
     def guess(self, fraction: float) -> Unknowns:
         """Cubic Hermite interpolation of the branch."""
-        start, start_tangent, end, end_tangent = hermite_weights(fraction, self.length)
+        return self._combined(hermite_weights(fraction, self.length))
+
+    def direction(self, fraction: float) -> Unknowns:
+        """Derivative of the cubic by arclength."""
+        return self._combined(hermite_slopes(fraction, self.length))
+
+    def _combined(self, weights: tuple[float, float, float, float]) -> Unknowns:
+        start, start_tangent, end, end_tangent = weights
         return (
             self.start.scaled(start)
             .plus(self.start_tangent, start_tangent)

@@ -1,4 +1,4 @@
-"""From a bifurcation to what starts there: curves in two parameters, doubled cycles, curves that meet.
+"""From a bifurcation to what starts there: curves in two parameters, branches of cycles, curves that meet.
 
 At a period doubling with eigenvector v, M v = -v, the cycles of twice the period are
 
@@ -6,6 +6,13 @@ At a period doubling with eigenvector v, M v = -v, the cycles of twice the perio
 
 so the parameter turns at the bifurcation.  The first of them is corrected with the amplitude fixed instead of
 the parameter, <v, s - s_0> = A, which the cycle of the simple period cannot satisfy.
+
+At a branch point the linearised equations of u = (s, T, lambda) have two null vectors, and the branch on
+which it was found has its tangent t in their plane.  With n in the plane across t, the other branch is
+
+    u = u_0 + A (n + c t) + O(A^2),      <n, u - u_0> = A,      <n, t> = 0
+
+where c = 0 at a pitchfork: there n has no part in lambda, and the parameter turns.
 """
 
 from __future__ import annotations
@@ -19,20 +26,24 @@ from pipelines.bifurcations.codimension_two import SecondBifurcation, second_bif
 from pipelines.bifurcations.curve import CurveStart, SpecialPoint
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
-from pipelines.orbits.period_map import PeriodMap, PhaseReference
+from pipelines.bifurcations.segment import Metric, metric_of
+from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import (
     Constraint,
+    Cycle,
     CycleProblem,
     NewtonStop,
     Unknowns,
     correct,
     first_basis,
+    null_directions,
     reference_of,
 )
-from pipelines.orbits.system import Vector
+from pipelines.orbits.system import Vector, size_of
 from pipelines.orbits.time_steps import first_steps
 
-_FARTHER = 1.5  # times the amplitude at which the sense of a doubled branch is found
+_NEAR = 0.5  # distance of the first cycle of another branch from its prediction, in units of the step
+_FARTHER = 1.5  # times the amplitude at which the sense of a new branch is found
 
 
 def curve_from_event(
@@ -45,7 +56,7 @@ def curve_from_event(
     """The curve in the plane of two parameters through a bifurcation found on a branch of cycles;
     ``smooth_maps`` as in CurveProblem.
 
-    Raises ValueError for a branch point.
+    Raises ValueError for a branch point: see ``crossing_branch``.
     """
     curves = CurveProblem(
         problem.period_map, event.kind, event.parameters, names, problem.options, formulation, smooth_maps
@@ -74,11 +85,11 @@ def curve_of_second(
 
 
 @dataclass(frozen=True)
-class DoubledBranch:
-    """The start of a branch of doubled cycles: for ``continue_branch(problem, start, ...)``.
+class NewBranch:
+    """The start of a branch of other cycles: for ``continue_branch(problem, start, ...)``.
 
-    ``problem``: the same system with twice the turns (or the period) per cycle; ``direction``: the sense of
-    the parameter in which the branch leaves the bifurcation.
+    ``problem``: with twice the turns (or the period) per cycle at a period doubling, the same at a branch
+    point; ``direction``: the sense of the parameter in which the branch leaves the bifurcation.
     """
 
     problem: CycleProblem
@@ -86,7 +97,7 @@ class DoubledBranch:
     direction: int
 
 
-def doubled_branch(problem: CycleProblem, event: Event, amplitude: float) -> DoubledBranch | None:
+def doubled_branch(problem: CycleProblem, event: Event, amplitude: float) -> NewBranch | None:
     """The branch of cycles of twice the period at a period doubling of ``problem``.
 
     ``amplitude`` (> 0): largest entry of the first step away from the simple cycle.  None when no doubled
@@ -97,31 +108,75 @@ def doubled_branch(problem: CycleProblem, event: Event, amplitude: float) -> Dou
         raise ValueError(f"doubled cycles start at a period doubling, not at a {event.kind.name}")
     if not amplitude > 0.0:
         raise ValueError(f"amplitude is {amplitude}; it must be positive")
-    parameter = float(event.parameters[problem.index])
-    simple = Unknowns(event.state, event.period, parameter)
-    vector = _flip_vector(problem, event, simple)
-    if vector is None:
+    cycle = _cycle_of(problem, event)
+    if cycle is None:
         return None
+    vector = _flip_vector(cycle)
     doubled = replace(problem, period_map=doubled_map(problem.period_map))
+    parameter = float(event.parameters[problem.index])
     at_flip = doubled.consistent(Unknowns(event.state, 2.0 * event.period, parameter))
-    steps = first_steps(doubled, at_flip)
+    row = Unknowns(vector / float(vector @ vector), 0.0, 0.0)
+    return _branch_along(doubled, at_flip, Unknowns(vector, 0.0, 0.0), row, amplitude)
+
+
+def crossing_branch(problem: CycleProblem, event: Event, amplitude: float) -> NewBranch | None:
+    """The other branch of cycles through a branch point of ``problem``.
+
+    ``amplitude``: largest entry of the first step away from the branch point; the other half of the branch
+    starts with its negative, which in a symmetric system is the mirror image.  None when no cycle of that
+    amplitude was found on it: try another one.  Raises ValueError for an event of another kind, one read from
+    a store (it has lost its direction) and an amplitude of zero.
+    """
+    if event.kind is not EventKind.BRANCH_POINT:
+        raise ValueError(f"branches cross at a branch point, not at a {event.kind.name}")
+    if event.direction is None:
+        raise ValueError("the event does not know the direction of its branch: locate it again")
+    if amplitude == 0.0:
+        raise ValueError("amplitude is 0; it must be positive or negative")
+    cycle = _cycle_of(problem, event)
+    if cycle is None:
+        return None
+    metric = metric_of(problem, 1.0, cycle.unknowns.period / size_of(cycle.unknowns.state))
+    across = _across(problem, cycle, event.direction, metric)
+    row = metric.row(across).scaled(1.0 / metric.inner(across, across))
+    return _branch_along(problem, cycle.unknowns, across, row, amplitude, event.direction)
+
+
+def _branch_along(
+    problem: CycleProblem,
+    origin: Unknowns,
+    direction: Unknowns,
+    row: Unknowns,
+    amplitude: float,
+    known: Unknowns | None = None,
+) -> NewBranch | None:
+    """The cycles at row . (u - origin) = A, for two values of A: the bifurcation itself is not the same with
+    other time steps, so that a second amplitude tells the sense.  ``known``: tangent of the known branch.
+    """
+    steps = first_steps(problem, origin)
     if isinstance(steps, NewtonStop):
         return None
-    reference: PhaseReference | None = reference_of(doubled, at_flip, steps)
-    row, basis = vector / float(vector @ vector), first_basis(doubled, at_flip, steps)
+    reference, basis = reference_of(problem, origin, steps), first_basis(problem, origin, steps)
     found: list[Unknowns] = []
-    for factor in (1.0, _FARTHER):
-        size = factor * amplitude
-        guess = Unknowns(event.state + size * vector, 2.0 * event.period, parameter)
-        constraint = Constraint(Unknowns(row, 0.0, 0.0), float(row @ event.state) + size)
-        correction = correct(doubled, guess, constraint, basis, steps, reference)
+    for size in (amplitude, _FARTHER * amplitude):
+        constraint = Constraint(row, row.dot(origin) + size)
+        correction = correct(problem, origin.plus(direction, size), constraint, basis, steps, reference)
         if correction.cycle is None:
             return None
         found.append(correction.cycle.unknowns)
-    # the bifurcation itself is not the same with other time steps, so that a second amplitude tells the sense
+        if known is not None and not _near(found[-1].minus(origin), direction.scaled(size), known):
+            return None
     first, second = found
     start = BranchStart(first.state, first.parameter, first.period)
-    return DoubledBranch(doubled, start, 1 if second.parameter >= first.parameter else -1)
+    return NewBranch(problem, start, 1 if second.parameter >= first.parameter else -1)
+
+
+def _near(moved: Unknowns, predicted: Unknowns, known: Unknowns) -> bool:
+    """Whether a cycle lies where the other branch starts, A (n + c t) with any c, and not on a third one."""
+    rest, along = moved.state - predicted.state, known.state
+    if np.any(along):
+        rest = rest - along * float(along @ rest) / float(along @ along)
+    return bool(np.linalg.norm(rest) <= _NEAR * np.linalg.norm(predicted.state))
 
 
 def doubled_map(period_map: PeriodMap) -> PeriodMap:
@@ -138,16 +193,26 @@ def doubled_map(period_map: PeriodMap) -> PeriodMap:
     )
 
 
-def _flip_vector(problem: CycleProblem, event: Event, simple: Unknowns) -> Vector | None:
-    """The eigenvector of -1, its largest entry one."""
+def _cycle_of(problem: CycleProblem, event: Event) -> Cycle | None:
+    """The cycle of an event, corrected with its time steps."""
     at_event = replace(problem, parameters=event.parameters)
-    reference = reference_of(at_event, simple, event.steps)
-    basis = first_basis(at_event, simple, event.steps)
-    constraint = at_event.fixed_parameter(simple.parameter)
-    cycle = correct(at_event, simple, constraint, basis, event.steps, reference).cycle
-    if cycle is None:
-        return None
+    at = Unknowns(event.state, event.period, float(event.parameters[problem.index]))
+    reference, basis = reference_of(at_event, at, event.steps), first_basis(at_event, at, event.steps)
+    constraint = at_event.fixed_parameter(at.parameter)
+    return correct(at_event, at, constraint, basis, event.steps, reference).cycle
+
+
+def _flip_vector(cycle: Cycle) -> Vector:
+    """The eigenvector of -1, its largest entry one."""
     nearest = int(np.argmin(np.abs(cycle.spectrum.multipliers + 1.0)))
     complex_vector = cycle.spectrum.vectors[:, nearest]
     vector = (complex_vector / complex_vector[np.argmax(np.abs(complex_vector))]).real
     return np.asarray(vector, dtype=np.float64)
+
+
+def _across(problem: CycleProblem, cycle: Cycle, along: Unknowns, metric: Metric) -> Unknowns:
+    """The null direction of a branch point at right angles to the branch, its largest entry one."""
+    reference = reference_of(problem, cycle.unknowns, cycle.steps)
+    first, second = null_directions(problem, cycle, reference)
+    across = first.scaled(metric.inner(along, second)).plus(second, -metric.inner(along, first))
+    return across.scaled(1.0 / float(across.state[np.argmax(np.abs(across.state))]))

@@ -165,12 +165,13 @@ def _solve_stage(system, phase, weight, factored, right, factors, stage, slope, 
         for i in range(n):
             line[i * LINE] = right[i] + weight * slope[i] - stage[i]
         solve(factors, constants, layout, work, line)
-        update, size = 0.0, 1.0
+        update, size, total = 0.0, 1.0, 0.0
         for i in range(n):
             stage[i] += line[i * LINE]
             update = max(update, abs(line[i * LINE]))
             size = max(size, abs(stage[i]))
-        if not np.isfinite(update + size):
+            total += abs(stage[i])  # a maximum passes over what is no number
+        if not np.isfinite(total):
             return False
         contraction = update / last if since > 0 else 1.0
         if update * min(1.0, contraction / (1.0 - min(contraction, 0.5))) <= _STAGE_ERROR * size:

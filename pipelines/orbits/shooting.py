@@ -348,6 +348,20 @@ def tangent_at(
     return replace(direction, period=slope * direction.parameter)
 
 
+def null_directions(
+    problem: CycleProblem, cycle: Cycle, reference: PhaseReference | None = None
+) -> tuple[Unknowns, Unknowns]:
+    """The two directions (ds, dT, dl) along which a cycle at a branch point stays one to first order.
+
+    They span the null space of the system of the corrector without its closing row; elsewhere only one does.
+    """
+    exact = replace(cycle.image, state=cycle.unknowns.state)
+    linear = _linearise(problem, cycle.unknowns, cycle.basis, exact, cycle.steps, reference)
+    matrix, _ = _cycle_rows(problem, linear, 0.0)
+    first, second = np.linalg.svd(matrix)[2][-2:]
+    return _as_unknowns(problem, linear, first, 0.0), _as_unknowns(problem, linear, second, 0.0)
+
+
 def _carried_over(last: Linearisation, basis: Matrix, image: PeriodImage) -> Linearisation:
     """A linearisation with r = 0 and the Picard part of an earlier one with another basis W: of the vectors
     x = q + W W'x the image M x = M q + M W (W'x) is known, and so is that of their part outside V.
@@ -458,33 +472,41 @@ def _solve_bordered(
     problem: CycleProblem, linear: Linearisation, row: Unknowns, gap: float, phase: float
 ) -> Unknowns | None:
     """The update (ds, dT, dl) of the small bordered system drawn at the head of this module."""
-    basis, columns = linear.basis, linear.basis.shape[1]
-    unknown = columns + (2 if problem.period_map.autonomous else 1)
-    matrix = np.zeros((unknown, unknown))
-    right = np.zeros(unknown)
-    reduced = basis.T @ (linear.sources + linear.swept_image)
-    row_swept = row.state @ linear.swept
-    # V'(M - I)V a + V'(phi_l + M q_l) dl + V'(phi_T + M q_T) dT = -V'(r + M q_r)
-    matrix[:columns, :columns] = basis.T @ linear.image.columns - np.eye(columns)
-    matrix[:columns, columns:] = reduced[:, 1:]
-    right[:columns] = -reduced[:, 0]
+    columns = linear.basis.shape[1]
+    matrix, right = _cycle_rows(problem, linear, phase)
     # row_s (V a + q) + row_l dl + row_T dT = -gap
-    matrix[columns, :columns] = row.state @ basis
-    matrix[columns, columns:] = np.array([row.parameter, row.period])[: unknown - columns] + row_swept[1:]
-    right[columns] = -gap - row_swept[0]
-    if problem.period_map.autonomous:
-        # F (V a + q) + F_l dl + F_T dT = -F
-        matrix[columns + 1, :columns] = linear.image.phase_columns
-        matrix[columns + 1, columns:] = linear.image.phase_inhomogeneous + linear.swept_phase[1:]
-        right[columns + 1] = -phase - linear.swept_phase[0]
+    row_swept = row.state @ linear.swept
+    direct = np.array([row.parameter, row.period])[: len(row_swept) - 1] + row_swept[1:]
+    closing = np.concatenate([row.state @ linear.basis, direct])
+    matrix = np.insert(matrix, columns, closing, axis=0)
+    right = np.insert(right, columns, -gap - row_swept[0])
     try:
-        solution = np.linalg.solve(matrix, right)
+        solution = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
     except np.linalg.LinAlgError:
         return None
-    if not np.all(np.isfinite(solution)):
-        return None
-    weights = np.concatenate([[1.0], solution[columns:]])
-    state = basis @ solution[:columns] + linear.swept @ weights
+    return _as_unknowns(problem, linear, solution, 1.0) if np.all(np.isfinite(solution)) else None
+
+
+def _cycle_rows(problem: CycleProblem, linear: Linearisation, phase: float) -> tuple[Matrix, Vector]:
+    """The rows of that system that make a cycle, and their right side; unknowns (a, dl[, dT])."""
+    basis, columns = linear.basis, linear.basis.shape[1]
+    reduced = basis.T @ (linear.sources + linear.swept_image)
+    # V'(M - I)V a + V'(phi_l + M q_l) dl + V'(phi_T + M q_T) dT = -V'(r + M q_r)
+    matrix = np.hstack([basis.T @ linear.image.columns - np.eye(columns), reduced[:, 1:]])
+    right = -reduced[:, 0]
+    if problem.period_map.autonomous:
+        # F (V a + q) + F_l dl + F_T dT = -F
+        inhomogeneous = linear.image.phase_inhomogeneous + linear.swept_phase[1:]
+        matrix = np.vstack([matrix, np.concatenate([linear.image.phase_columns, inhomogeneous])])
+        right = np.append(right, -phase - linear.swept_phase[0])
+    return matrix, right
+
+
+def _as_unknowns(problem: CycleProblem, linear: Linearisation, solution: Vector, residual: float) -> Unknowns:
+    """(a, dl[, dT]) as (ds, dT, dl), with ds = V a + q_l dl + q_T dT + ``residual`` q_r."""
+    columns = linear.basis.shape[1]
+    weights = np.concatenate([[residual], solution[columns:]])
+    state = linear.basis @ solution[:columns] + linear.swept @ weights
     period = float(solution[columns + 1]) if problem.period_map.autonomous else 0.0
     return Unknowns(state, period, float(solution[columns]))
 

@@ -177,11 +177,18 @@ def test_restart_in_a_slow_subspace_gives_the_same_bits() -> None:
 
 @pytest.mark.parametrize("formulation", list(CurveFormulation))
 def test_unknown_period_in_a_slow_subspace(formulation: CurveFormulation) -> None:
-    period_map = replace(problem("NS", 0.0).period_map, formulation=Formulation.AUTONOMOUS)
-    curves = replace(problem("NS", 0.0, formulation=formulation), period_map=period_map)
-    known = tabulated("NS", 3.05)
+    """The same end with the same normal form as in the stroboscopic formulation."""
+    stroboscopic = problem("NS", 0.0, formulation=formulation)
+    period_map = replace(stroboscopic.period_map, formulation=Formulation.AUTONOMOUS)
+    curves = replace(stroboscopic, period_map=period_map)
+    known, settings = tabulated("NS", 3.05), {"direction": -1, "maximum_step": 0.1}
     begin = replace(known, state=period_map.extend(known.state), period=2.0 * np.pi / 3.05)
-    run = run_to(curves, begin, 3.15, direction=-1, maximum_step=0.1)
+    run = run_to(curves, begin, 3.15, normal_form=NormalFormOptions(), **settings)
+    forced = run_to(stroboscopic, known, 3.15, normal_form=NormalFormOptions(), **settings)
+    form, expected = run.points[-1].normal_form, forced.points[-1].normal_form
+    assert form is not None
+    assert expected is not None
+    assert abs(form.coefficient - expected.coefficient) < 1e-6
     assert run.result.stop is CurveStop.RANGE
     assert run.points[-1].cycle.basis.shape[1] < period_map.size
     assert run.points[-1].parameters[0] == pytest.approx(float(ROWS["NS", 3.15]["c1"]), abs=1e-8)

@@ -224,7 +224,7 @@ def test_folds_of_cycles_of_unknown_period() -> None:
 
 @BOTH
 def test_neimark_sacker_points_of_cycles_of_unknown_period(formulation: CurveFormulation) -> None:
-    """delta = 0 for every omega, theta = omega T."""
+    """delta = 0 for every omega, theta = omega T; d = -2 T, because abs(u)^2 = 2 abs(w)^2."""
     e, n = -0.1, -0.5
     period = 2 * math.pi / (1 + 0.4 * e)
     problem = replace(
@@ -236,7 +236,9 @@ def test_neimark_sacker_points_of_cycles_of_unknown_period(formulation: CurveFor
     assert run.specials[0].parameters[3] == pytest.approx(2.0 * math.pi / 3.0 / period, abs=1e-8)
     assert np.max(np.abs(run.parameters[:, 1])) < 1e-9
     assert run.points[-1].angle == pytest.approx(0.2 * period, abs=1e-9)
-    assert all(point.normal_form is None for point in run.points)
+    for point in run.points:
+        assert point.normal_form is not None
+        assert point.normal_form.coefficient == pytest.approx(-2.0 * period, abs=1e-6)
 
 
 # --- The loop -------------------------------------------------------------------------------------

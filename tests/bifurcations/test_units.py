@@ -207,4 +207,16 @@ def test_curves(trace_curve: Any, kind: EventKind, formulation: CurveFormulation
             np.array([p.normal_form.coefficient for p in points if p.normal_form is not None])
             for points in (run.points, other.points)
         )
-        assert np.allclose(coefficients, found * size**2, rtol=1e-4, atol=1e-6)
+        order = 1 if kind is FOLD else 2  # a belongs to a square, b and d to a cube
+        assert np.allclose(coefficients, found * size**order, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("tolerance", ["tolerance", "multiplier_tolerance"])
+@pytest.mark.parametrize("formulation", list(CurveFormulation))
+def test_rounding_ends_a_curve_with_advice(tolerance: str, formulation: CurveFormulation) -> None:
+    options = ShootingOptions(**{tolerance: 1e-17})  # type: ignore[arg-type]
+    problem = CurveProblem(PeriodMap(tondl(), DOPRI8), FLIP, np.zeros(2), ("c1", "eta"), options, formulation)
+    steps = lengths(((-0.1, 0.2), (2.0, 2.6)), 1.0, (0.05, 0.5))
+    run = trace(problem, CurveStart(FLIP_STATE, FLIP_AT), steps)
+    assert run.result.stop is CurveStop.START_FAILED
+    assert "rounding keeps the residual above the tolerance" in run.result.message

@@ -148,10 +148,15 @@ def test_make_targets_of_the_readme_exist() -> None:
     assert set(re.findall(r"`?make ([a-z]+[0-9]*)", README)) <= targets  # a chart's letter follows the number
 
 
-def test_the_equations_of_ones_own_run_as_printed() -> None:
-    page = ROOT / "configs" / "your_equations.md"
-    (source,) = fenced(page, "python")
-    (printed,) = fenced(page, "text")
+OWN = ROOT / "configs" / "your_equations.md"
+
+
+@pytest.mark.parametrize(
+    ("source", "printed"),
+    list(zip(fenced(OWN, "python"), fenced(OWN, "text"), strict=True)),
+    ids=["forced", "autonomous", "branch point"],
+)
+def test_the_equations_of_ones_own_run_as_printed(source: str, printed: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", source], cwd=ROOT, capture_output=True, text=True, check=True
     )

@@ -299,3 +299,20 @@ def test_an_exact_cycle_of_any_amplitude_is_one(size: float) -> None:
     near = solve(problem, size * np.array([0.72, 0.01]), 0.5, 2.05 * math.pi)
     assert converged(near).unknowns.period == pytest.approx(2.0 * math.pi, abs=1e-9)
     assert near.iterations == 3
+
+
+def test_rounding_is_told_from_a_start_too_far() -> None:
+    """The first asks for another tolerance, and says which; the second for a closer start."""
+    parameters, start = np.array([0.03, 1.45]), np.array([0.8, 0.2, 0.0, 0.0])
+
+    def stopped(**options: float) -> Correction:
+        settings = ShootingOptions(**options)  # type: ignore[arg-type]
+        return solve(CycleProblem(PeriodMap(tondl(), DOPRI8), parameters, "c1", settings), start, 0.03)
+
+    fine = stopped(tolerance=1e-17)
+    assert fine.stop is NewtonStop.ROUNDING
+    asked = float(fine.advice.split()[-1])
+    assert 1e-15 < asked < 1e-12
+    assert stopped(tolerance=asked).cycle is not None
+    assert stopped(iterations=2).stop is NewtonStop.ITERATIONS
+    assert "start closer" in stopped(iterations=2).advice

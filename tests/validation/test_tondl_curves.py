@@ -49,9 +49,13 @@ SPECIAL = table("codim2")
 FORMS = table("normal_forms")
 
 
-def problem(kind: str, formulation: CurveFormulation = CurveFormulation.BORDERED) -> CurveProblem:
+def problem(
+    kind: str,
+    formulation: CurveFormulation = CurveFormulation.BORDERED,
+    period: Formulation = Formulation.STROBOSCOPIC,
+) -> CurveProblem:
     options = ShootingOptions(tolerance=1e-12, multiplier_tolerance=1e-10)
-    period_map = PeriodMap(tondl(), DOPRI8)
+    period_map = PeriodMap(tondl(), DOPRI8, period)
     return CurveProblem(period_map, KINDS[kind], np.zeros(2), ("c1", "eta"), options, formulation)
 
 
@@ -143,13 +147,15 @@ def test_every_row_is_a_target() -> None:
     assert {(kind, target) for kind, _, target, _ in ARCS} == set(POINTS)
 
 
+@pytest.mark.parametrize("period", list(Formulation))
 @pytest.mark.parametrize("row", FORMS, ids=lambda row: f"{row['kind']}-{row['eta']}")
-def test_normal_forms(row: dict[str, str]) -> None:
+def test_normal_forms(row: dict[str, str], period: Formulation) -> None:
     """The table was made with differences of one order; its column fd_change says how much they moved."""
-    start = start_at(row["kind"], float(row["eta"]))
-    _, points, _ = trace(
-        problem(row["kind"]), start, EVERYWHERE, max_points=1, normal_form=NormalFormOptions()
+    curves, start = problem(row["kind"], period=period), start_at(row["kind"], float(row["eta"]))
+    start = replace(
+        start, state=curves.period_map.extend(start.state), period=2.0 * np.pi / float(row["eta"])
     )
+    _, points, _ = trace(curves, start, EVERYWHERE, max_points=1, normal_form=NormalFormOptions())
     form = points[0].normal_form
     assert form is not None
     expected = complex(float(row["re_coeff"]), float(row["im_coeff"]))

@@ -1,0 +1,158 @@
+"""Branches of cycles that cross: from a branch point to the other branch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchStop, ContinuationOptions
+from pipelines.bifurcations.detection import Event, EventKind
+from pipelines.bifurcations.switching import crossing_branch, doubled_branch
+from pipelines.orbits.period_map import Formulation, PeriodMap
+from pipelines.orbits.shooting import CycleProblem, ShootingOptions
+from pipelines.orbits.steppers import DOPRI8
+from tests.bifurcations.autonomous_flows import crossing_cycles, forced_pitchfork, lorenz, roessler
+
+SHIFT = 0.4
+
+
+def branch(
+    problem: CycleProblem, begin: BranchStart, options: ContinuationOptions
+) -> tuple[list[BranchPoint], list[Event]]:
+    points: list[BranchPoint] = []
+    events: list[Event] = []
+
+    def record(point, state, found):  # type: ignore[no-untyped-def]
+        points.append(point)
+        events.extend(found)
+
+    assert continue_branch(problem, begin, options, record).stop is BranchStop.RANGE
+    return points, events
+
+
+def unknown_period(power: int) -> tuple[CycleProblem, Event]:
+    """The branch u = 0 and the point where the other one crosses it."""
+    period_map = PeriodMap(crossing_cycles(power), DOPRI8, Formulation.AUTONOMOUS, samples=32)
+    problem = CycleProblem(replace(period_map, minimum_steps=64), np.array([0.0, SHIFT]), "lambda")
+    begin = BranchStart(np.array([1.0, 0.0, 0.0]), -0.21, 2 * math.pi)
+    _, events = branch(problem, begin, ContinuationOptions((-0.21, 0.1), maximum_step=0.1))
+    (event,) = events
+    assert event.kind is EventKind.BRANCH_POINT
+    assert abs(event.parameters[0]) < 1e-8
+    return problem, event
+
+
+@pytest.fixture(scope="module")
+def pitchfork() -> tuple[CycleProblem, Event]:
+    return unknown_period(2)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_pitchfork(pitchfork: tuple[CycleProblem, Event], side: float) -> None:
+    """u^2 = lambda and T = 2 pi/(1 + c u), from the branch point to the end of the range."""
+    problem, event = pitchfork
+    new = crossing_branch(problem, event, side * 0.1)
+    assert new is not None
+    assert new.direction == 1
+    assert new.start.state[2] == pytest.approx(side * 0.1, rel=0.02)
+    points, events = branch(new.problem, new.start, ContinuationOptions((-0.1, 0.2), maximum_step=0.1))
+    assert events == []
+    for point in points:
+        at = point.cycle.unknowns
+        assert at.state[2] == pytest.approx(side * math.sqrt(at.parameter), abs=1e-8)
+        assert at.period == pytest.approx(2 * math.pi / (1 + SHIFT * at.state[2]), abs=1e-8)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_transcritical_point(side: int) -> None:
+    """u = lambda on both sides."""
+    problem, event = unknown_period(1)
+    new = crossing_branch(problem, event, side * 0.05)
+    assert new is not None
+    assert new.direction == side
+    options = ContinuationOptions((-0.2, 0.2), direction=new.direction, maximum_step=0.1)
+    points, _ = branch(new.problem, new.start, options)
+    assert points[-1].cycle.unknowns.parameter == pytest.approx(side * 0.2)
+    for point in points:
+        at = point.cycle.unknowns
+        assert at.state[2] == pytest.approx(at.parameter, abs=1e-8)
+        assert at.period == pytest.approx(2 * math.pi / (1 + SHIFT * at.parameter), abs=1e-8)
+
+
+@pytest.mark.parametrize("formulation", list(Formulation))
+def test_pitchfork_of_forced_cycles(formulation: Formulation) -> None:
+    period_map = PeriodMap(forced_pitchfork(), DOPRI8, formulation, samples=32, minimum_steps=64)
+    problem = CycleProblem(period_map, np.array([1.5, 0.0]), "lambda")
+    at_rest = np.array([0.0, 1.0 / (1.0 + 1.5**2)])
+    begin = BranchStart(period_map.extend(at_rest), -0.1, 2 * math.pi / 1.5)
+    _, (event,) = branch(problem, begin, ContinuationOptions((-0.1, 0.1), maximum_step=0.05))
+    new = crossing_branch(problem, event, 0.1)
+    assert new is not None
+    # y answers with the same displacement, so that both entries are the largest
+    assert abs(new.start.state[0]) == pytest.approx(0.1, rel=0.02)
+    assert new.start.state[0] ** 2 == pytest.approx(new.start.parameter, abs=1e-9)
+    assert new.start.period == pytest.approx(2 * math.pi / 1.5)
+
+
+def test_symmetry_breaking_and_period_doubling_of_lorenz() -> None:
+    """The symmetric cycle of large rho loses its symmetry at 312.97353, what is born there doubles its period
+    at 229.40671.
+    """
+    period_map = PeriodMap(lorenz(), DOPRI8, Formulation.AUTONOMOUS)
+    problem = CycleProblem(period_map, np.array([330.0]), "rho", ShootingOptions(1e-9))
+    begin = BranchStart(np.array([0.0, 39.3475133, 279.259268]), 330.0, 0.400256257)
+    down = ContinuationOptions((220.0, 340.0), direction=-1, maximum_step=4.0)
+    _, events = branch(problem, begin, down)
+    event = events[0]
+    assert event.kind is EventKind.BRANCH_POINT
+    assert event.parameters[0] == pytest.approx(312.97353, abs=1e-5)
+    found = []
+    for amplitude in (1.0, -1.0):
+        new = crossing_branch(problem, event, amplitude)
+        assert new is not None
+        assert new.direction == -1
+        points, events = branch(new.problem, new.start, down)
+        assert points[0].unstable == 0
+        (doubling,) = events
+        assert doubling.kind is EventKind.PERIOD_DOUBLING
+        assert doubling.parameters[0] == pytest.approx(229.40671, abs=1e-5)
+        found.append(np.sort(np.abs(np.ptp(points[-1].cycle.image.orbit, axis=0))))
+    # one is the mirror image of the other
+    assert np.allclose(*found, rtol=1e-3)
+
+
+def test_cascade_of_roessler() -> None:
+    """a = b = 0.2: the cycle doubles its period at c = 2.8324450, 3.8373582, 4.1242147 and 4.1869970."""
+    problem = CycleProblem(
+        PeriodMap(roessler(), DOPRI8, Formulation.AUTONOMOUS), np.array([0.2, 0.2, 2.5]), "c"
+    )
+    begin = BranchStart(np.array([3.5, -2.5, 0.1]), 2.5, 5.75)
+    found = []
+    for amplitude in (0.1, 0.03, 0.01, None):
+        options = ContinuationOptions((2.4, 4.3), maximum_step=0.3)
+        _, events = branch(problem, begin, options)
+        event = events[0]
+        assert event.kind is EventKind.PERIOD_DOUBLING
+        found.append(event.parameters[2])
+        if amplitude is not None:
+            doubled = doubled_branch(problem, event, amplitude)
+            assert doubled is not None
+            assert doubled.direction == 1
+            problem, begin = doubled.problem, doubled.start
+    assert found == pytest.approx([2.8324450, 3.8373582, 4.1242147, 4.1869970], abs=1e-7)
+
+
+def test_what_cannot_be_switched(pitchfork: tuple[CycleProblem, Event]) -> None:
+    problem, event = pitchfork
+    with pytest.raises(ValueError, match="branch point"):
+        crossing_branch(problem, replace(event, kind=EventKind.FOLD), 0.1)
+    with pytest.raises(ValueError, match="amplitude"):
+        crossing_branch(problem, event, 0.0)
+    with pytest.raises(ValueError, match="direction"):
+        crossing_branch(problem, replace(event, direction=None), 0.1)
+    hasty = replace(problem, options=replace(problem.options, iterations=1))
+    assert crossing_branch(hasty, event, 0.5) is None
