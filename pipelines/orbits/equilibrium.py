@@ -206,7 +206,7 @@ def _from_finer_grid(
         reason = (
             f"on the grid {grid.circumferential} x {grid.axial} the films carry only {share} "
             f"({failed.reason}), on {circumferential} x {axial} all of it with a smallest film of "
-            f"{smallest:.2g} clearances; raise numerics.circumferential"
+            f"{smallest:.2g} clearances; raise numerics.circumferential or lighten the rotor"
         )
         return replace(failed, reason=reason)
     reason = (

@@ -121,7 +121,10 @@ def test_bad_guess_is_no_obstacle() -> None:
 
 SENTENCE = r"the films carry only (\d+\.\d) % of the rotor's weight at this speed \([^)]+\)"
 LIGHTER = r"; raise the speed, the bearing area or the viscosity, or lighten the rotor"
-FINER = r", on (48 x 3|96 x 4) all of it with a smallest film of 0\.\d+ clearances; raise numerics.circumferential"
+FINER = (
+    r", on (48 x 3|96 x 4) all of it with a smallest film of 0\.\d+ clearances; "
+    r"raise numerics.circumferential or lighten the rotor"
+)
 
 
 def test_rotor_too_heavy_to_float() -> None:
