@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 # Equilibria are those of the machine with its rings resting in their mean position: excitation frequency 0.
 MEAN_PHASE = 0.0
 
+# A film thinner than this part of the clearance at one station may be none on a finer grid.
+THIN = 0.1
+
 # Circumferential intervals beyond which no finer grid is asked whether it has an equilibrium.
 FINEST = 128
 
@@ -135,17 +138,30 @@ def machine_equilibrium(
 def equilibrium_along(
     machine: Machine, parameters: Array, speeds: Array, index: int, guess: Array | None = None
 ) -> Equilibrium:
-    """Equilibrium at one of rising ``speeds``, sought from both neighbours too before it is given up."""
-    result = machine_equilibrium(machine, _still_at(parameters, speeds[index]), guess)
+    """Equilibrium at one of rising ``speeds``; ``guess``: the state at the speed below.
+
+    Before it is given up, it is sought from both neighbouring speeds.  So it is where the film is ``THIN``: a
+    coarse grid has false equilibria in which a single station carries.  Of several the one with the thickest
+    film is taken.
+    """
+    still = _still_at(parameters, speeds[index])
+    result = machine_equilibrium(machine, still, guess)
+    if result.converged and _smallest_film(machine, result, still) > THIN:
+        return result
+    found = [result, _from_guesses(machine, still, None, NewtonOptions())]
     for other in (index - 1, index + 1):
-        if result.converged or not 0 <= other < len(speeds):
-            continue
-        still = _still_at(parameters, speeds[other])
-        neighbour = _from_guesses(machine, still, guess if other < index else None, NewtonOptions())
-        if neighbour.converged:
-            followed = _follow_speed(machine, parameters, neighbour, speeds[other], speeds[index])
-            result = followed if followed.converged else result
-    return result
+        if 0 <= other < len(speeds):
+            begin = _still_at(parameters, speeds[other])
+            start = _from_guesses(machine, begin, guess if other < index else None, NewtonOptions())
+            if start.converged:
+                found.append(_follow_speed(machine, parameters, start, speeds[other], speeds[index]))
+    converged = [one for one in found if one.converged]
+    return max(converged, key=lambda one: _smallest_film(machine, one, still), default=result)
+
+
+def _smallest_film(machine: Machine, equilibrium: Equilibrium, still: Array) -> float:
+    """Rounded, so that the same equilibrium from two starts is the same."""
+    return round(float(machine.minimum_film(MEAN_PHASE, equilibrium.state, still).min()), 6)
 
 
 def _follow_speed(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from pipelines.orbits.equilibrium import (
     machine_equilibrium,
 )
 from pipelines.orbits.linear import at_speed
-from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
+from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS, random_rotor
 from tests.machines import BEARING, OTHER_BEARING, case, symmetric_rotor
 
 Solved = tuple[Machine, NDArray[np.float64], Equilibrium]
@@ -174,11 +175,33 @@ def test_an_equilibrium_is_sought_from_both_neighbouring_speeds(monkeypatch: pyt
     machine, parameters = heavy((40, 3))
     speeds = np.array([0.24, 0.25, 0.26])
     expected = machine_equilibrium(machine, at_speed(parameters, 0.25)).state
-    failed = Equilibrium(np.zeros(0), 1.0, 0, False, "lost")
+    failed, search = Equilibrium(np.zeros(0), 1.0, 0, False, "lost"), equilibrium._from_guesses
+
+    def lost_at_one_speed(machine: Machine, still: NDArray[np.float64], *rest: Any) -> Equilibrium:
+        return failed if still[0] == 0.25 else search(machine, still, *rest)
+
     monkeypatch.setattr(equilibrium, "machine_equilibrium", lambda *_: failed)
+    monkeypatch.setattr(equilibrium, "_from_guesses", lost_at_one_speed)
     for few in (slice(0, 2), slice(1, 3)):
         index = int(np.flatnonzero(speeds[few] == 0.25)[0])
         result = equilibrium_along(machine, parameters, speeds[few], index)
         assert result.converged
         np.testing.assert_allclose(result.state, expected, rtol=0.0, atol=1e-9)
     assert equilibrium_along(machine, parameters, np.array([0.25]), 0) is failed
+
+
+def test_a_false_equilibrium_of_a_coarse_grid_is_not_taken() -> None:
+    """From a distant speed Newton's method finds a state in which one station of 16 carries on a film of
+    0.01; the true film there is 0.2 thick.
+    """
+    description = random_rotor(196).case((16, 2))
+    machine, parameters = build_machine(description), parameter_vector(description)
+    speeds = np.linspace(0.15, 1.5, 8)[:3]
+    distant = equilibrium_along(machine, parameters, speeds, 0)
+    at = at_rest(at_speed(parameters, speeds[1]))
+    false = machine_equilibrium(machine, at, distant.state)
+    assert false.converged
+    assert machine.minimum_film(MEAN_PHASE, false.state, at).min() < 0.02
+    found = equilibrium_along(machine, parameters, speeds, 1, distant.state)
+    assert found.converged
+    assert machine.minimum_film(MEAN_PHASE, found.state, at).min() == pytest.approx(0.2096, abs=1e-4)
