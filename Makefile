@@ -20,8 +20,8 @@ $(INSTALLED): pyproject.toml
 test: $(INSTALLED) ## run the tests (WORKERS processes)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-torture: $(INSTALLED) ## kill 500 processes in every test of reliability, try 10000 configurations (an hour)
-	$(BIN)/python -m pytest tests/reliability --kills 500 --hypothesis-profile torture
+torture: $(INSTALLED) ## kill 500 processes in every test of reliability, 10000 configurations, 300 rotors (an hour)
+	$(BIN)/python -m pytest tests/reliability --kills 500 --rotors 300 --hypothesis-profile torture
 
 lint: $(INSTALLED) ## check style and types
 	$(BIN)/ruff check

@@ -23,6 +23,7 @@ settings.load_profile("steady")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--kills", type=int, default=20, help="processes that each of the killing tests kills")
+    parser.addoption("--rotors", type=int, default=20, help="random rotors whose critical speeds are sought")
 
 
 @pytest.fixture(scope="session")

@@ -41,6 +41,8 @@ def info(
 
 def show(content: Mapping[str, Any], console: Console) -> None:
     """One line per group on stdout; origin and advice on stderr."""
+    from pipelines.stages.missing_speeds import named
+
     attributes = content["attributes"]
     version = attributes.get("versions", {}).get("agfb", "of an unknown version")
     console.message(f"written by agfb {version}: {shlex.join(attributes.get('argv', ()))}")
@@ -52,6 +54,8 @@ def show(content: Mapping[str, Any], console: Console) -> None:
             capacity = state["capacity"]
             points = None if state["n_points"] is None else f"{state['n_points']} of at most {capacity}"
             reason = words(state["stop_reason"] or state["status"])
+            if missing := state["speeds_without_equilibrium"]:
+                reason += f" ({named(missing)})"
             rows.append((name, group, points, state["n_events"], reason))
             if state["stop_advice"]:
                 console.detail(f"{name} {group}: {state['stop_advice']}")

@@ -70,9 +70,9 @@ def status(
 
     Of each case, also of those that have not begun, and in total: what is being written, what was interrupted
     and what has ended, how many points there are and how long ago the last one was committed; and every stage
-    that failed, with the reason, until it succeeds. Only metadata are read, and no lock is taken. With -v
-    groups that have ended are listed too, each with the reason. With --json and --watch each look is one
-    line.
+    that failed, with the reason, until it succeeds. A group that has ended is listed if some of its speeds
+    have no equilibrium, and with -v always, with the reason. Only metadata are read, and no lock is taken.
+    With --json and --watch each look is one line.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -105,7 +105,7 @@ def look(path: Path, pattern: str | None) -> Look:
 
 
 def show(seen: Look, console: Console) -> None:
-    """A line for each case, one for everything that has not ended, or everything with -v, and the sums."""
+    """A line for each case, one for the groups that ask for attention, or for all with -v, and the sums."""
     if len(seen.cases) > 1:
         rows = [(name, case.state, case.ended, *_counts(case)) for name, case in seen.cases.items()]
         console.data(table(("case", "status", "groups ended", "points", "last commit"), rows) + "\n")
@@ -136,15 +136,18 @@ def show_failures(failures: list[Failure], console: Console) -> None:
 
 
 def groups(states: list[GroupState], everything: bool) -> list[tuple[object, ...]]:
-    """Rows of the groups that have not ended, or of all."""
+    """Rows of the groups that have not ended or have speeds without equilibrium, or of all."""
     from pipelines.datasets.records import ENDED
+    from pipelines.stages.missing_speeds import named
 
     rows: list[tuple[object, ...]] = []
     for state in states:
-        if state.state == ENDED and not everything:
+        if state.state == ENDED and not everything and not state.speeds_without_equilibrium:
             continue
         points = None if state.points is None else f"{state.points} of at most {state.capacity}"
         told = words(state.stop_reason) if state.state == ENDED and state.stop_reason else state.state
+        if state.speeds_without_equilibrium:
+            told += f" ({named(state.speeds_without_equilibrium)})"
         rows.append((state.case, state.group, points, told, f"{duration(state.age)} ago", state.writer))
     return rows
 

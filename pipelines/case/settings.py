@@ -137,7 +137,12 @@ class Linearize(Table):
 
     speed_range: tuple[Number, Number] = table("dimensionless speeds from, to", (0.2, 1.6), unit="1")
     points: int = quantity(
-        "number of speeds", "", 41, at_least=2, at_most=100_000, because="a range has two ends"
+        "number of speeds; a failure if more than a tenth of them has no equilibrium",
+        "",
+        41,
+        at_least=2,
+        at_most=100_000,
+        because="a range has two ends",
     )
     whirl_ratios: tuple[Number, ...] = table(
         "whirl frequency / rotating speed at which bearing stiffness and damping are given",
@@ -173,10 +178,16 @@ class Criticals(Table):
 
     speed_range: tuple[Number, Number] = table("dimensionless speeds from, to", (0.1, 2.0), unit="1")
     points: int = quantity(
-        "number of speeds", "", 41, at_least=2, at_most=100_000, because="a range has two ends"
+        "number of speeds, more are inserted where modes come close; a failure if more than a tenth of them "
+        "has no equilibrium",
+        "",
+        41,
+        at_least=2,
+        at_most=100_000,
+        because="a range has two ends",
     )
     max_damping_ratio: float = quantity(
-        "modes damped more than this are no critical speeds",
+        "modes damped more than this, or than 0.9, are no critical speeds",
         "1",
         0.5,
         above=0,

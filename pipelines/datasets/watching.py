@@ -31,7 +31,7 @@ _COMMANDS = "command/"
 class GroupState:
     """A group of a case: ``state`` is ``running``, ``interrupted`` or ``ended``; ``points`` of at most
     ``capacity`` rows, None of a group without rows; ``age`` [s] of its newest commit; ``writer``: who writes
-    it, ``PID on HOST``.
+    it, ``PID on HOST``; ``speeds_without_equilibrium``: those of its speeds that have none, with the reason.
     """
 
     case: str
@@ -42,6 +42,7 @@ class GroupState:
     capacity: int | None
     age: float
     writer: str | None
+    speeds_without_equilibrium: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,7 @@ def _states(path: Path, moment: float) -> list[GroupState]:
                     state["capacity"],
                     max(0.0, moment - metadata.stat().st_mtime),
                     writer,
+                    tuple(state["speeds_without_equilibrium"] or ()),
                 )
             )
     return found

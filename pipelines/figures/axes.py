@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, Normalize
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
+GAP: dict[str, Any] = {"facecolor": "#DDDDDD", "edgecolor": "none", "zorder": 0.5}
 TICKS = 6  # at most this many intervals on a second axis: its numbers are long
 
 Conversion = Callable[[ArrayLike], ArrayLike]
@@ -121,6 +123,28 @@ def coloured_line(
     lines = LineCollection(list(segments[known]), array=means[known], norm=norm, cmap=colours, **options)
     axes.add_collection(lines)
     return lines
+
+
+def gaps(x: NDArray[np.float64], present: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """The stretches of rising ``x`` without results: each from the last point before to the first behind."""
+    known = np.concatenate([[0], np.flatnonzero(present), [len(x) - 1]])
+    ends = list(pairwise(known))
+    return [
+        (float(x[low]), float(x[high]))
+        for low, high in ends
+        if high > low + 1 or (high > low and not (present[low] and present[high]))
+    ]
+
+
+def shade_gaps(axes: Axes, x: NDArray[np.float64], present: NDArray[np.bool_]) -> None:
+    """Shade where there are no results."""
+    for low, high in gaps(x, present):
+        axes.axvspan(low, high, **GAP)
+
+
+def gap_handle(label: str) -> Patch:
+    """Entry of the legend for shaded gaps."""
+    return Patch(label=label, **GAP)
 
 
 def clearance_circle(axes: Axes) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -13,7 +14,14 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import add_parameter_axis, add_right, coloured_line, limits
+from pipelines.figures.axes import (
+    add_parameter_axis,
+    add_right,
+    coloured_line,
+    gap_handle,
+    limits,
+    shade_gaps,
+)
 from pipelines.figures.contents import CaseView, Table
 
 DAMPING_MAP = "cividis"
@@ -47,7 +55,7 @@ def draw_campbell(case: CaseView, criticals: Table) -> Figure:
     return style.finish(figure, f"{case.name}: Campbell diagram", case.note)
 
 
-def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> list[Line2D]:
+def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> list[Artist]:
     """Frequencies over the speed; gives the entries of the legend."""
     speed, frequency = criticals["speed"], criticals["frequency"]
     damping, direction = criticals["damping_ratio"], criticals["direction"]
@@ -78,9 +86,15 @@ def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> list[Line
     if lines is not None:
         bar = axes.figure.colorbar(lines, ax=axes, extend="max", pad=0.02, aspect=25)
         bar.set_label("damping ratio [–]")
-    handles = [Line2D([], [], color="#333333", linestyle=LINES[name], label=name) for name in LINES]
+    handles: list[Artist] = [
+        Line2D([], [], color="#333333", linestyle=LINES[name], label=name) for name in LINES
+    ]
     handles.append(Line2D([], [], color="#666666", linewidth=0.8, linestyle="-.", label="synchronous"))
     handles.append(_critical_handle())
+    present = np.isfinite(frequency).any(axis=1)
+    if not present.all():
+        shade_gaps(axes, speed, present)
+        handles.append(gap_handle("no equilibrium"))
     return handles
 
 

@@ -5,13 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import add_parameter_axis, add_right, clearance_circle, limits
+from pipelines.figures.axes import (
+    add_parameter_axis,
+    add_right,
+    clearance_circle,
+    gap_handle,
+    limits,
+    shade_gaps,
+)
 from pipelines.figures.contents import CaseView, Table
 
 COEFFICIENTS = (("xx", 0, 0), ("xy", 0, 1), ("yx", 1, 0), ("yy", 1, 1))
@@ -34,7 +42,10 @@ def draw_linearization(case: CaseView, linear: Table) -> Figure:
         add_parameter_axis(panels[row, column], "speed", case.scales)
     for axes in (panels[1, 1], panels[2, 0], panels[2, 1]):
         add_parameter_axis(axes, "speed", case.scales, top=False)
-    _mark_instability([panels[0, 0], panels[0, 1], panels[1, 1], panels[2, 0], panels[2, 1]], linear)
+    along_speed = [panels[0, 0], panels[0, 1], panels[1, 1], panels[2, 0], panels[2, 1]]
+    _mark_instability(along_speed, linear)
+    for axes in along_speed:
+        shade_gaps(axes, linear["speed"], _has_equilibrium(linear))
     style.legend_below(figure, _legend(case, linear))
     instability = instability_speed(linear)
     title = f"{case.name}: equilibria along the rotating speed"
@@ -84,7 +95,8 @@ def _draw_locus(axes: Axes, case: CaseView, linear: Table) -> None:
     journal = linear["journal"]
     for bearing in range(case.bearings):
         axes.plot(journal[:, bearing, 0], journal[:, bearing, 1], **style.bearing_look(bearing))
-    for row, height in ((0, -3), (len(journal) - 1, 3)):
+    known = np.flatnonzero(_has_equilibrium(linear))
+    for row, height in ((int(known[0]), -3), (int(known[-1]), 3)) if known.size else ():
         axes.plot(journal[row, :, 0], journal[row, :, 1], ".", color="#333333", markersize=4)
         axes.annotate(
             rf"$\bar{{\Omega}}$ = {float(linear['speed'][row]):.3g}",
@@ -97,6 +109,10 @@ def _draw_locus(axes: Axes, case: CaseView, linear: Table) -> None:
         )
     axes.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08), xlabel=r"$\bar{x}_j$ [–]", ylabel=r"$\bar{y}_j$ [–]")
     axes.set_title("static journal locus, clearance dashed")
+
+
+def _has_equilibrium(linear: Table) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(linear["minimum_film"]).all(axis=1))
 
 
 def _draw_minimum_film(axes: Axes, case: CaseView, linear: Table) -> None:
@@ -132,8 +148,8 @@ def _mark_instability(panels: list[Axes], linear: Table) -> None:
             axes.axvline(speed, color=style.VERMILION, linewidth=1.0, linestyle=":")
 
 
-def _legend(case: CaseView, linear: Table) -> list[Line2D]:
-    handles = [
+def _legend(case: CaseView, linear: Table) -> list[Artist]:
+    handles: list[Artist] = [
         Line2D([], [], color=style.CYCLE[i], label=name) for i, (name, _, _) in enumerate(COEFFICIENTS)
     ]
     handles += [
@@ -145,4 +161,6 @@ def _legend(case: CaseView, linear: Table) -> list[Line2D]:
     handles.append(Line2D([], [], label="half and full speed", **SYNCHRONOUS))
     if np.isfinite(instability_speed(linear)):
         handles.append(Line2D([], [], color=style.VERMILION, linestyle=":", label="instability speed"))
+    if not _has_equilibrium(linear).all():
+        handles.append(gap_handle("no equilibrium"))
     return handles

@@ -6,7 +6,8 @@ Jacobian and the Jacobian's action on a block of vectors, all on the state s = {
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,8 +202,30 @@ def build_machine(case: Case) -> Machine:
     condensed = condense(rotor, case.rotor.masters)
     space = state_space(condensed.scaled(scales.time, scales.displacement, scales.force))
     settings = [film_settings(case, index) for index in range(rates.BEARINGS)]
-    bearings = (pack_bearing(settings[0]), pack_bearing(settings[1], offset=settings[0].unknowns))
     freedoms = (condensed.position(case.bearings[0].node), condensed.position(case.bearings[1].node))
+    return _assembled(scales, settings, rotor, condensed, space, freedoms)
+
+
+def with_grid(machine: Machine, circumferential: int, axial: int) -> Machine:
+    """The same machine with its films on another grid."""
+    settings = [
+        replace(bearing.settings, circumferential=circumferential, axial=axial)
+        for bearing in machine.bearings
+    ]
+    return _assembled(
+        machine.scales, settings, machine.rotor, machine.condensed, machine.space, machine.journal_freedoms
+    )
+
+
+def _assembled(
+    scales: Scales,
+    settings: Sequence[FilmSettings],
+    rotor: RotorMatrices,
+    condensed: CondensedRotor,
+    space: StateSpace,
+    freedoms: tuple[int, int],
+) -> Machine:
+    bearings = (pack_bearing(settings[0]), pack_bearing(settings[1], offset=settings[0].unknowns))
     constants, layout = _pack(scales, bearings, space, freedoms)
     state_size = sum(s.unknowns for s in settings) + space.constant.shape[0]
     work_size = max(

@@ -18,6 +18,13 @@ The regularised clipping takes r(u) for u^+, the convolution of u^+ with the ker
 
 so that r is three times continuously differentiable, equals u^+ where |u| >= w and moves integrals over a
 smooth u by O(w^4).
+
+Where a whole cell lies on the ambient line, u = 0, the positive part has two one-sided derivatives.  Of a
+perturbation that is as often positive as negative it passes half,
+
+    int (e v)^+ w = e/2 int v w + e/2 int |v| w,      int |v| w = 0 for v and w odd by half a turn
+
+so half of the unclipped derivative is the derivative there, as with r'(0) = 1/2.
 """
 
 from __future__ import annotations
@@ -30,6 +37,9 @@ from .film import CLIPPING, FULL, GUMBEL, NODES, PERIODIC, SMOOTHING, SPACING, S
 # Abscissae and weights of Gauss-Legendre quadrature on [0, 1], exact for r(u) cos: powers of x up to 18.
 _GAUSS_POINTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(10)[0]
 _GAUSS_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(10)[1]
+
+# A cell whose |p - 1| stays below this lies on the ambient line: what the tolerance of equilibria leaves.
+AMBIENT = 1e-9
 
 # Even part of r(t width) / width, whose odd part is t/2: powers 0, 2, ..., 8 of t.
 _R0, _R2, _R4, _R6, _R8 = 35.0 / 512.0, 105.0 / 128.0, -175.0 / 256.0, 49.0 / 128.0, -45.0 / 512.0
@@ -80,15 +90,31 @@ def positive_moments(c0, c1, c2, low, high):
 
 
 @njit(cache=True, error_model="numpy")
+def is_ambient(left, middle, right):
+    """Whether u with these Bernstein coefficients lies on the ambient line."""
+    return (abs(left) <= AMBIENT) & (abs(middle) <= AMBIENT) & (abs(right) <= AMBIENT)
+
+
+@njit(cache=True, error_model="numpy")
+def _trigonometric(moments, spacing):
+    """Moments of 1, x, x^2 with cos(dtheta x), then with sin(dtheta x), to second order in dtheta x."""
+    m0, m1, m2, m3, m4 = moments
+    half = 0.5 * spacing * spacing
+    return m0 - half * m2, m1 - half * m3, m2 - half * m4, spacing * m1, spacing * m2, spacing * m3
+
+
+@njit(cache=True, error_model="numpy")
 def clipped_integrals(c0, c1, c2, low, high, spacing):
     """C = int u^+ cos(dtheta x) dx and S = int u^+ sin(dtheta x) dx of u = c0 + c1 x + c2 x^2, each with its
-    derivatives by c0, c1, c2; cosine and sine to second order in dtheta x.
+    derivatives by c0, c1, c2; on the ambient line half of those of u.
     """
-    m0, m1, m2, m3, m4 = positive_moments(c0, c1, c2, low, high)
-    half = 0.5 * spacing * spacing
-    k0, k1, k2 = m0 - half * m2, m1 - half * m3, m2 - half * m4
-    s0, s1, s2 = spacing * m1, spacing * m2, spacing * m3
-    return c0 * k0 + c1 * k1 + c2 * k2, k0, k1, k2, c0 * s0 + c1 * s1 + c2 * s2, s0, s1, s2
+    k0, k1, k2, s0, s1, s2 = _trigonometric(positive_moments(c0, c1, c2, low, high), spacing)
+    cosine, sine = c0 * k0 + c1 * k1 + c2 * k2, c0 * s0 + c1 * s1 + c2 * s2
+    at_low, at_high = c0 + low * (c1 + low * c2), c0 + high * (c1 + high * c2)
+    if is_ambient(at_low, c0 + 0.5 * c1 * (low + high) + c2 * low * high, at_high):
+        k0, k1, k2, s0, s1, s2 = _trigonometric(_power_integrals(low, high), spacing)
+        k0, k1, k2, s0, s1, s2 = 0.5 * k0, 0.5 * k1, 0.5 * k2, 0.5 * s0, 0.5 * s1, 0.5 * s2
+    return cosine, k0, k1, k2, sine, s0, s1, s2
 
 
 @njit(cache=True, error_model="numpy")
@@ -239,7 +265,8 @@ def _fill_kinds(scratch, first, last, integers, scalars):
         left, middle, right = before[i] + here[i], here[i], here[i] + after[i]
         whole = (left >= 2.0 * margin) & (middle >= margin) & (right >= 2.0 * margin)
         empty = (left <= -2.0 * margin) & (middle <= -margin) & (right <= -2.0 * margin)
-        own[i] = 1.0 if whole else (0.0 if empty else -1.0)
+        decided = (whole | empty) & ~is_ambient(0.5 * left, middle, 0.5 * right)
+        own[i] = (1.0 if whole else 0.0) if decided else -1.0
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})

@@ -14,13 +14,20 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from pipelines.machine import film
-from pipelines.machine.assembly import Machine
+from pipelines.machine.assembly import Machine, with_grid
 from pipelines.machine.bearing import Bearing, film_state, linearise_bearing
+from pipelines.machine.regrid import regrid
 
 Array = NDArray[np.float64]
 
 # Equilibria are those of the machine with its rings resting in their mean position: excitation frequency 0.
 MEAN_PHASE = 0.0
+
+# A film thinner than this part of the clearance at one station may be none on a finer grid.
+THIN = 0.1
+
+# Circumferential intervals beyond which no finer grid is asked whether it has an equilibrium.
+FINEST = 128
 
 
 @dataclass(frozen=True)
@@ -117,15 +124,112 @@ def machine_equilibrium(
     """Equilibrium of the whole machine with its rings in their mean position, state of shape (N,).
 
     Without success from the guess, or without a guess, the rotor's weight is put on the films step by step;
-    if they cannot carry all of it, the reason says how much they carry.
+    then the equilibrium on a finer grid is tried as a start. The reason of a failure tells films that cannot
+    carry the weight from a grid that is too coarse.
     """
     still = at_rest(parameters)
+    result = _from_guesses(machine, still, guess, options)
+    if result.converged:
+        return result
+    result, carried = _ramp_weight(machine, still, options)
+    return result if result.converged else _from_finer_grid(machine, still, result, carried, options)
+
+
+def equilibrium_along(
+    machine: Machine, parameters: Array, speeds: Array, index: int, guess: Array | None = None
+) -> Equilibrium:
+    """Equilibrium at one of rising ``speeds``; ``guess``: the state at the speed below.
+
+    Before it is given up, it is sought from both neighbouring speeds.  So it is where the film is ``THIN``: a
+    coarse grid has false equilibria in which a single station carries.  Of several the one with the thickest
+    film is taken.
+    """
+    still = _still_at(parameters, speeds[index])
+    result = machine_equilibrium(machine, still, guess)
+    if result.converged and _smallest_film(machine, result, still) > THIN:
+        return result
+    found = [result, _from_guesses(machine, still, None, NewtonOptions())]
+    for other in (index - 1, index + 1):
+        if 0 <= other < len(speeds):
+            begin = _still_at(parameters, speeds[other])
+            start = _from_guesses(machine, begin, guess if other < index else None, NewtonOptions())
+            if start.converged:
+                found.append(_follow_speed(machine, parameters, start, speeds[other], speeds[index]))
+    converged = [one for one in found if one.converged]
+    return max(converged, key=lambda one: _smallest_film(machine, one, still), default=result)
+
+
+def _smallest_film(machine: Machine, equilibrium: Equilibrium, still: Array) -> float:
+    """Rounded, so that the same equilibrium from two starts is the same."""
+    return round(float(machine.minimum_film(MEAN_PHASE, equilibrium.state, still).min()), 6)
+
+
+def _follow_speed(
+    machine: Machine, parameters: Array, start: Equilibrium, begin: float, end: float
+) -> Equilibrium:
+    """Follow an equilibrium from one speed to another; halve the step on failure."""
+    result, done, step = start, 0.0, 0.25
+    while done < 1.0 and step > 1e-3:
+        ahead = min(1.0, done + step)
+        still = _still_at(parameters, begin + ahead * (end - begin))
+        trial = _carry(machine, still, result.state, 1.0, NewtonOptions())
+        if trial.converged:
+            result, done, step = trial, ahead, 1.5 * step
+        else:
+            step *= 0.5
+    return result if done == 1.0 else replace(result, converged=False)
+
+
+def _still_at(parameters: Array, speed: float) -> Array:
+    """The parameters at another speed, the rings standing still."""
+    still = at_rest(parameters)
+    still[film.SPEED] = speed
+    return still
+
+
+def _from_guesses(machine: Machine, still: Array, guess: Array | None, options: NewtonOptions) -> Equilibrium:
+    """Equilibrium from the guess, if there is one, or from resting journals."""
     if guess is not None:
         result = _carry(machine, still, guess, 1.0, options)
         if result.converged:
             return result
-    result = _carry(machine, still, resting_guess(machine, still), 1.0, options)
-    return result if result.converged else _ramp_weight(machine, still, options)
+    return _carry(machine, still, resting_guess(machine, still), 1.0, options)
+
+
+def _from_finer_grid(
+    machine: Machine, still: Array, failed: Equilibrium, carried: float, options: NewtonOptions
+) -> Equilibrium:
+    """Start from the equilibrium on a finer grid; without success say whether a finer grid would help.
+
+    ``carried``: share of the weight that the films carry on the machine's own grid.
+    """
+    grid = machine.bearings[0].settings
+    share = f"{100.0 * carried:.1f} % of the rotor's weight at this speed"
+    for factor in (2, 4):
+        circumferential, axial = factor * grid.circumferential, grid.axial + factor // 2
+        if circumferential > FINEST:
+            break
+        finer = with_grid(machine, circumferential, axial)
+        found = _from_guesses(finer, still, None, options)
+        if not found.converged:
+            found, _ = _ramp_weight(finer, still, options)
+        if not found.converged:
+            continue
+        result = _carry(machine, still, regrid(finer, machine, found.state), 1.0, options)
+        if result.converged:
+            return result
+        smallest = finer.minimum_film(MEAN_PHASE, found.state, still).min()
+        reason = (
+            f"on the grid {grid.circumferential} x {grid.axial} the films carry only {share} "
+            f"({failed.reason}), on {circumferential} x {axial} all of it with a smallest film of "
+            f"{smallest:.2g} clearances; raise numerics.circumferential or lighten the rotor"
+        )
+        return replace(failed, reason=reason)
+    reason = (
+        f"the films carry only {share} ({failed.reason}); raise the speed, the bearing area or the "
+        f"viscosity, or lighten the rotor"
+    )
+    return replace(failed, reason=reason)
 
 
 def _carry(machine: Machine, still: Array, guess: Array, share: float, options: NewtonOptions) -> Equilibrium:
@@ -146,8 +250,11 @@ def _carry(machine: Machine, still: Array, guess: Array, share: float, options: 
     )
 
 
-def _ramp_weight(machine: Machine, still: Array, options: NewtonOptions) -> Equilibrium:
-    """Follow the equilibrium while the weight grows from nothing to all; halve the increment on failure."""
+def _ramp_weight(machine: Machine, still: Array, options: NewtonOptions) -> tuple[Equilibrium, float]:
+    """Follow the equilibrium while the weight grows from nothing to all; halve the increment on failure.
+
+    Gives the share of the weight that is reached too, and in the reason of a failure what stood in the way.
+    """
     carried, step = 0.0, 0.1
     result = _carry(
         machine, still, resting_guess(machine, still, eccentricity=0.0, share=0.0), carried, options
@@ -161,12 +268,8 @@ def _ramp_weight(machine: Machine, still: Array, options: NewtonOptions) -> Equi
         else:
             obstacle, step = trial.reason, 0.5 * step
     if carried == 1.0:
-        return result
-    reason = (
-        f"the films carry only {100.0 * carried:.1f} % of the rotor's weight at this speed "
-        f"({obstacle}); raise the speed, the bearing area or the viscosity, or lighten the rotor"
-    )
-    return replace(result, converged=False, reason=reason)
+        return result, carried
+    return replace(result, converged=False, reason=obstacle), carried
 
 
 def at_rest(parameters: Array) -> Array:

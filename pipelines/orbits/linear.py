@@ -143,8 +143,11 @@ def linear_point(
 ) -> LinearPoint | Equilibrium:
     """Equilibrium and leading eigenvalues; only the failed ``Equilibrium`` if there is none."""
     equilibrium = machine_equilibrium(machine, parameters, guess)
-    if not equilibrium.converged:
-        return equilibrium
+    return linearised(machine, parameters, equilibrium, count) if equilibrium.converged else equilibrium
+
+
+def linearised(machine: Machine, parameters: Array, equilibrium: Equilibrium, count: int) -> LinearPoint:
+    """Leading eigenvalues of an equilibrium."""
     jacobian = machine.jacobian(MEAN_PHASE, equilibrium.state, at_rest(parameters))
     speed = float(parameters[film.SPEED])
     pairs = leading_eigenvalues(jacobian, count, whirl_shifts(machine, speed))

@@ -19,7 +19,8 @@ from pipelines.case.problems import CaseError
 from pipelines.case.scales import Scales
 from pipelines.machine import film
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.orbits.campbell import campbell_diagram, critical_speeds
+from pipelines.orbits.campbell import campbell_diagram
+from pipelines.orbits.critical_speeds import critical_speeds
 from pipelines.stages.onset_speed import (
     CENSORED_ABOVE,
     FAILED,
@@ -108,12 +109,12 @@ def _critical_speed(case: Case, target: CalibrationTarget, should_stop: ShouldSt
 
     machine, parameters, table = build_machine(case), parameter_vector(case), case.criticals
     speeds = np.linspace(*table.speed_range, table.points)
-    diagram = campbell_diagram(machine, parameters, speeds, visit)
-    if len(diagram.missing) == len(speeds):
+    diagram = campbell_diagram(machine, parameters, speeds, visit, table.max_damping_ratio)
+    if len(diagram.missing) == len(diagram.speeds):
         return Onset(NO_EQUILIBRIUM)
     found = [
         critical.speed
-        for critical in critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
+        for critical in critical_speeds(machine, parameters, diagram, table.max_damping_ratio).found
         if critical.direction in DIRECTIONS[target.whirl]
     ]
     if len(found) < target.number:

@@ -4,6 +4,7 @@ condensed rotor.
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +20,18 @@ from pipelines.datasets.store import Store, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.condensation_check import CondensationComparison, compare_condensation
 from pipelines.machine.rotor_modes import LinearBearing
-from pipelines.orbits.campbell import (
-    CampbellDiagram,
+from pipelines.orbits.campbell import CampbellDiagram, campbell_diagram
+from pipelines.orbits.critical_speeds import (
     CriticalSpeed,
+    CriticalSpeeds,
     Resonance,
-    campbell_diagram,
     critical_speeds,
     parametric_resonances,
 )
 from pipelines.orbits.equilibrium import machine_equilibrium
 from pipelines.orbits.linear import at_speed, dynamic_stiffness
-from pipelines.stages.linearize import NO_EQUILIBRIUM
-from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.stages import missing_speeds
+from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult
 
 Array = NDArray[np.float64]
 
@@ -38,8 +39,8 @@ COMPARED_MODES = 8
 # The unbalance of the comparison: the rotor's mass, off its axis by this part of the clearance.
 UNBALANCE_ECCENTRICITY = 0.01
 
-FINISHED = "all speeds are computed"
 NO_CRITICAL = "no critical speed lies inside the range"
+UNDECIDED = "critical speeds may be missing"
 
 
 class _StopRequested(Exception):  # noqa: N818
@@ -62,30 +63,53 @@ def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
         report(Progress("criticals", case.case_id, done, total))
 
     try:
-        diagram = _diagram(machine, parameters, case.case, visit)
+        speeds = np.linspace(*table.speed_range, table.points)
+        diagram = campbell_diagram(machine, parameters, speeds, visit, table.max_damping_ratio)
         critical = critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
-        comparison = _comparison(machine, parameters, case.case, visit)
+        comparison = _comparison(machine, parameters, case.case, diagram, visit)
     except _StopRequested:
         return StageResult(case.case_id, True, "stopped on request")
-    resonances = parametric_resonances([one.speed for one in critical], table.orders)
-    arrays = _campbell_arrays(diagram) | _critical_arrays(machine, critical) | _resonance_arrays(resonances)
+    resonances = parametric_resonances([one.speed for one in critical.found], table.orders)
+    arrays = _campbell_arrays(diagram) | _critical_arrays(machine, critical.found)
+    arrays |= _resonance_arrays(resonances)
     if comparison is not None:
         arrays |= _comparison_arrays(machine, comparison)
-    missing = [f"speed {diagram.speeds[index]:.4g}: {reason}" for index, reason in diagram.missing.items()]
-    write_group(
-        store, group, "criticals", arrays, {"request": request, "speeds_without_equilibrium": missing}
-    )
+    attributes = {"request": request, **_told(diagram, critical, speeds)}
+    write_group(store, group, "criticals", arrays, attributes)
     report(Progress("criticals", case.case_id, total, total))
     return _result(case.case_id, store, group)
 
 
-def _diagram(machine: Machine, parameters: Array, case: Case, visit: Any) -> CampbellDiagram:
-    table = case.criticals
-    speeds = np.linspace(*table.speed_range, table.points)
-    return campbell_diagram(machine, parameters, speeds, visit)
+def _told(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> dict[str, Any]:
+    """Attributes that say what is missing: speeds without equilibrium, and what the count of modes says."""
+    missing = [
+        missing_speeds.told(float(diagram.speeds[index]), reason)
+        for index, reason in diagram.missing.items()
+        if diagram.speeds[index] in speeds
+    ]
+    reason, advice = missing_speeds.ending(missing, len(speeds)), missing_speeds.advice(missing, len(speeds))
+    if doubts := [one for one in critical.undecided if one.matters]:
+        reason = UNDECIDED
+        advice = "; ".join([str(doubts[0]), *([advice] if advice else [])])
+    elif reason == missing_speeds.FINISHED and not critical.found:
+        reason, advice = NO_CRITICAL, "widen criticals.speed_range or raise criticals.max_damping_ratio"
+    counts = critical.counts[critical.counts >= 0].tolist()
+    return {
+        missing_speeds.ATTRIBUTE: missing,
+        "inserted_speeds": len(diagram.speeds) - len(speeds),
+        "undecided_stretches": [asdict(one) for one in critical.undecided],
+        # between them lie the crossings, each -1 or +1, and the passages of criticals.max_damping_ratio
+        "modes_above_synchronous": counts[:1] + counts[-1:],
+        "crossings": sum(one.change for one in critical.found),
+        "damping_passages": critical.passages,
+        "stop_reason": reason,
+        "stop_advice": advice,
+    }
 
 
-def _comparison(machine: Machine, parameters: Array, case: Case, visit: Any) -> CondensationComparison | None:
+def _comparison(
+    machine: Machine, parameters: Array, case: Case, diagram: CampbellDiagram, visit: Any
+) -> CondensationComparison | None:
     """Full against condensed rotor on the films' synchronous coefficients; None without any equilibrium."""
     table, scales = case.criticals, machine.scales
     speeds: list[float] = []
@@ -94,10 +118,10 @@ def _comparison(machine: Machine, parameters: Array, case: Case, visit: Any) -> 
     for index, speed in enumerate(np.linspace(*table.speed_range, table.unbalance_points)):
         visit(table.points + index)
         at = at_speed(parameters, float(speed))
-        equilibrium = machine_equilibrium(machine, at, guess)
-        if not equilibrium.converged:
+        state = _equilibrium(machine, at, diagram, float(speed), guess)
+        if state is None:
             continue
-        guess = equilibrium.state
+        guess = state
         speeds.append(float(speed))
         coefficients.append(_synchronous_coefficients(machine, guess, at, float(speed)))
     if not speeds:
@@ -118,6 +142,17 @@ def _comparison(machine: Machine, parameters: Array, case: Case, visit: Any) -> 
         unbalance=_unbalance(machine, case), modal_index=at_operation, modes=COMPARED_MODES,
         max_damping_ratio=table.max_damping_ratio,
     )  # fmt: skip
+
+
+def _equilibrium(
+    machine: Machine, parameters: Array, diagram: CampbellDiagram, speed: float, guess: Array | None
+) -> Array | None:
+    """The equilibrium at a speed; it is not sought where the diagram has none on either side."""
+    above = int(np.searchsorted(diagram.speeds, speed))
+    if all(state is None for state in diagram.states[max(0, above - 1) : above + 1]):
+        return None
+    equilibrium = machine_equilibrium(machine, parameters, guess)
+    return equilibrium.state if equilibrium.converged else None
 
 
 def _synchronous_coefficients(
@@ -215,10 +250,14 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
     content = read_group(store, group, ("speed", "critical_speed", "resonance_frequency"))
     critical, resonances = content.arrays["critical_speed"], content.arrays["resonance_frequency"]
     lowest = float(critical[0]) if critical.size else None
-    summary = {"critical speeds": int(critical.size), "lowest": lowest, "resonances": int(resonances.size)}
-    missing = content.attributes["speeds_without_equilibrium"]
-    if critical.size:
-        return StageResult(case_id, True, FINISHED, "", summary)
-    advice = missing[-1] if missing else "widen criticals.speed_range or raise criticals.max_damping_ratio"
-    reason = NO_EQUILIBRIUM if len(missing) == len(content.arrays["speed"]) else NO_CRITICAL
-    return StageResult(case_id, not missing, reason, advice, summary)
+    summary: dict[str, Scalar] = {
+        "critical speeds": int(critical.size),
+        "lowest": lowest,
+        "resonances": int(resonances.size),
+    }
+    attributes = content.attributes
+    if attributes[missing_speeds.ATTRIBUTE]:
+        summary["without equilibrium"] = missing_speeds.named(attributes[missing_speeds.ATTRIBUTE])
+    reason = attributes["stop_reason"]
+    ok = reason in missing_speeds.WELL or reason == NO_CRITICAL
+    return StageResult(case_id, ok, reason, attributes["stop_advice"], summary)

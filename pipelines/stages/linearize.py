@@ -5,6 +5,7 @@ speed.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,21 +20,21 @@ from pipelines.datasets.records import ENDED
 from pipelines.datasets.store import open_for_writing
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
-from pipelines.orbits.equilibrium import MEAN_PHASE, Equilibrium, at_rest
+from pipelines.orbits.equilibrium import MEAN_PHASE, Equilibrium, at_rest, equilibrium_along
 from pipelines.orbits.linear import (
     Instability,
-    LinearPoint,
     at_speed,
     dynamic_stiffness,
     linear_point,
+    linearised,
     locate_instability,
 )
+from pipelines.stages import missing_speeds
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
 Array = NDArray[np.float64]
 
-FINISHED = "all speeds are computed"
-NO_EQUILIBRIUM = "no speed of the range has an equilibrium"
+HIDDEN = "the instability lies at speeds without equilibrium"
 
 
 def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
@@ -48,21 +49,24 @@ def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
         {"request": table.model_dump(mode="json")},
     ) as branch:  # fmt: skip
         if branch.status != ENDED:
+            reasons: dict[int, str] = {}
             for index in range(branch.n_points, table.points):
                 if should_stop():
                     return StageResult(case.case_id, True, "stopped on request")
-                speed = float(speeds[index])
-                branch.commit(_row(machine, at_speed(parameters, speed), case.case, _last_state(branch)))
-                report(Progress("linearize", case.case_id, index + 1, table.points, f"speed {speed:.4g}"))
-            rows = read_group(store, group, ("speed", "state", "eigenvalues")).arrays
-            if not np.any(np.isfinite(rows["state"])):
-                failed = linear_point(machine, at_speed(parameters, float(speeds[-1])), table.eigenvalues)
-                assert isinstance(failed, Equilibrium)
-                branch.finish(
-                    NO_EQUILIBRIUM, f"at the highest speed: {failed.reason}", instability_speed=None
+                equilibrium = equilibrium_along(machine, parameters, speeds, index, _last_state(branch))
+                reasons[index] = equilibrium.reason
+                at = at_speed(parameters, float(speeds[index]))
+                branch.commit(_row(machine, at, case.case, equilibrium))
+                report(
+                    Progress("linearize", case.case_id, index + 1, table.points, f"speed {speeds[index]:.4g}")
                 )
-            else:
-                branch.finish(FINISHED, "", **_instability(machine, parameters, rows))
+            rows = read_group(store, group, ("speed", "state", "eigenvalues")).arrays
+            missing = _missing(machine, parameters, rows, reasons)
+            _finish(
+                branch,
+                missing,
+                {} if len(missing) == table.points else _instability(machine, parameters, rows),
+            )
     attributes = read_group(store, group, ()).attributes
     return _result(case.case_id, attributes)
 
@@ -75,6 +79,32 @@ def reference_parameters(case: Case) -> Array:
     if case.linearize.ring == "undeformed":
         parameters[film.DISPLACEMENT] = 0.0
     return parameters
+
+
+def _missing(
+    machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]], known: Mapping[int, str]
+) -> list[str]:
+    """What is told of the speeds without equilibrium; the reasons that are not ``known`` are found again."""
+    speeds, states = rows["speed"], rows["state"]
+    missing = []
+    for index in np.flatnonzero(~np.isfinite(states).all(axis=1)):
+        reason = known.get(int(index))
+        if reason is None:
+            guess = states[index - 1] if index > 0 and np.isfinite(states[index - 1]).all() else None
+            reason = equilibrium_along(machine, parameters, speeds, int(index), guess).reason
+        missing.append(missing_speeds.told(float(speeds[index]), reason))
+    return missing
+
+
+def _finish(branch: BranchWriter, missing: list[str], instability: dict[str, Any]) -> None:
+    """Say how the range came out."""
+    reason = missing_speeds.ending(missing, branch.n_points)
+    advice = missing_speeds.advice(missing, branch.n_points)
+    hidden = instability.get("instability_between")
+    if hidden is not None and reason == missing_speeds.SOME_MISSING:
+        reason, advice = HIDDEN, f"it begins between the speeds {hidden[0]:.4g} and {hidden[1]:.4g}; {advice}"
+    told = {missing_speeds.ATTRIBUTE: missing} if missing else {}
+    branch.finish(reason, advice, **({"instability_speed": None} | instability | told))
 
 
 def _sizes(machine: Machine, case: Case) -> dict[str, int]:
@@ -99,11 +129,9 @@ def _last_state(branch: BranchWriter) -> Array | None:
     return np.asarray(newest.row["state"])
 
 
-def _row(machine: Machine, parameters: Array, case: Case, guess: Array | None) -> dict[str, Any]:
+def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibrium) -> dict[str, Any]:
     """One row of the group; a speed without equilibrium keeps its residual and is otherwise not a number."""
     table, bearings = case.linearize, len(machine.bearings)
-    point = linear_point(machine, parameters, table.eigenvalues, guess)
-    equilibrium = point if isinstance(point, Equilibrium) else point.equilibrium
     coefficients = np.full((len(table.whirl_ratios), bearings, 2, 2), complex(np.nan, np.nan))
     row: dict[str, Any] = {
         "speed": parameters[film.SPEED],
@@ -115,7 +143,8 @@ def _row(machine: Machine, parameters: Array, case: Case, guess: Array | None) -
         "newton_iterations": equilibrium.iterations,
         "newton_residual": equilibrium.residual,
     }
-    if isinstance(point, LinearPoint):
+    if equilibrium.converged:
+        point = linearised(machine, parameters, equilibrium, table.eigenvalues)
         state, still = equilibrium.state, at_rest(parameters)
         journals = np.array([machine.journal(state, index)[:2] for index in range(bearings)])
         row |= {
@@ -137,7 +166,9 @@ def _row(machine: Machine, parameters: Array, case: Case, guess: Array | None) -
 
 
 def _instability(machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Attributes of the lowest Hopf point between two neighbouring speeds; None where the range has none."""
+    """Attributes of the lowest Hopf point between two neighbouring speeds; None where the range has none, or
+    where it lies beside a speed without equilibrium: then ``instability_between`` tells the speeds.
+    """
     growth = leading_growth(rows["eigenvalues"])
     for index in np.flatnonzero(
         np.isfinite(growth[:-1] * growth[1:]) & (growth[:-1] < 0.0) & (growth[1:] >= 0.0)
@@ -151,7 +182,14 @@ def _instability(machine: Machine, parameters: Array, rows: Mapping[str, NDArray
                 "instability_growth": hopf.growth,
                 "instability_growth_slope": hopf.growth_slope,
             }
-    return {"instability_speed": None, "unstable_from_start": bool(growth[np.isfinite(growth)][:1] > 0.0)}
+    known = np.flatnonzero(np.isfinite(growth))
+    hidden = [
+        {"instability_between": [float(rows["speed"][before]), float(rows["speed"][after])]}
+        for before, after in pairwise(known)
+        if after > before + 1 and growth[before] < 0.0 <= growth[after]
+    ]
+    begin = {"instability_speed": None, "unstable_from_start": bool(growth[known][:1] > 0.0)}
+    return begin | (hidden[0] if hidden else {})
 
 
 def leading_growth(eigenvalues: NDArray[np.complex128]) -> Array:
@@ -182,5 +220,8 @@ def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
         summary["whirl frequency"] = attributes["instability_frequency"]
     elif attributes.get("unstable_from_start"):
         summary["unstable from the lowest speed"] = True
-    ok = attributes["stop_reason"] == FINISHED
+    missing = attributes.get(missing_speeds.ATTRIBUTE, [])
+    if missing:
+        summary["without equilibrium"] = missing_speeds.named(missing)
+    ok = attributes["stop_reason"] in missing_speeds.WELL
     return StageResult(case_id, ok, attributes["stop_reason"], attributes["stop_advice"], summary)

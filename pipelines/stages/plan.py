@@ -25,7 +25,7 @@ from pipelines.stages import (
     continue_cycles,
     continue_tori,
     curve_tracking,
-    linearize,
+    missing_speeds,
     refine,
     transient,
 )
@@ -105,7 +105,7 @@ _CURVES = _names(curve_tracking.COMPLETE)
 _MORE_CURVES = frozenset({"max_points", "max_curves"})
 _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
     {
-        "linearize": _Extent(("linear",), frozenset({linearize.FINISHED}), "linearize"),
+        "linearize": _Extent(("linear",), missing_speeds.WELL, "linearize"),
         "criticals": _Extent(("criticals",), frozenset(), "criticals"),
         "continue_cycles": _Extent(
             ("cycles/b", "cycles/d"),

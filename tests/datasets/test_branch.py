@@ -189,6 +189,7 @@ def test_finish_is_kept_and_a_later_commit_runs_again(store: Store) -> None:
         "stop_advice": "Refine the grid",
         "n_points": 2,
         "n_events": 1,
+        "speeds_without_equilibrium": None,
     }
     with open_branch(store, GROUP, "cycles", LEAN) as writer:
         assert writer.resume_row().stop_reason == "step_too_small"

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.collections import PathCollection
 from matplotlib.patches import Rectangle
 
-from pipelines.figures.axes import add_parameter_axis, limits
+from pipelines.figures.axes import add_parameter_axis, gaps, limits
 from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram, thread_events
 from pipelines.figures.campbell import draw_campbell, largest_deflection, stretches
 from pipelines.figures.condensation import draw_condensation
@@ -277,3 +277,51 @@ def test_growth_axis_is_made_for_the_least_damped_eigenvalues():
 def test_a_missing_array_is_named(view, branch):
     with pytest.raises(MissingDataError, match="film_pressure"):
         draw_film(view, "speed", without(branch, "film_pressure"), "b000")
+
+
+@pytest.mark.parametrize(
+    ("present", "expected"),
+    [
+        ([1, 1, 1, 1], []),
+        ([1, 0, 1, 1], [(0.0, 2.0)]),
+        ([0, 0, 1, 1], [(0.0, 2.0)]),
+        ([1, 1, 1, 0], [(2.0, 3.0)]),
+        ([0, 0, 0, 0], [(0.0, 3.0)]),
+    ],
+)
+def test_gaps_lie_between_the_points_with_results(present, expected):
+    assert gaps(np.arange(4.0), np.array(present, dtype=bool)) == expected
+
+
+def shaded(axes):
+    """Stretches of x that are shaded."""
+    return [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in axes.patches]
+
+
+def with_gap(table, *names):
+    """The table with the speeds 3 and 4 lost."""
+    arrays = {name: values.copy() for name, values in table.arrays.items()}
+    for name in names:
+        arrays[name][3:5] = np.nan
+    return Table(arrays, table.attributes)
+
+
+def test_speeds_without_equilibrium_are_a_gap_in_the_campbell_diagram(figures, view, criticals):
+    assert shaded(figures["campbell"].axes[0]) == []
+    lost = with_gap(criticals, "frequency", "damping_ratio")
+    figure = draw_campbell(view, lost)
+    low, high = criticals["speed"][2], criticals["speed"][5]
+    assert shaded(figure.axes[0]) == [pytest.approx((low, high))]
+    assert "no equilibrium" in [text.get_text() for text in figure.subfigs[0].legends[0].get_texts()]
+    for lines in figure.axes[0].collections:
+        for segment in lines.get_segments():
+            assert not (low < segment[:, 0].mean() < high)
+
+
+def test_speeds_without_equilibrium_are_a_gap_in_the_linearization(view, linear):
+    lost = with_gap(linear, "journal", "minimum_film", "eigenvalues", "bearing_stiffness", "bearing_damping")
+    figure = draw_linearization(view, lost)
+    panels = [axes for axes in figure.axes if "speed" in axes.get_xlabel()]
+    assert len(panels) == 5
+    for axes in panels:
+        assert shaded(axes) == [pytest.approx((linear["speed"][2], linear["speed"][5]))]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from pipelines.case.reading import NamedCase
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
@@ -14,6 +17,7 @@ from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.equilibrium import at_rest, machine_equilibrium
 from pipelines.orbits.linear import at_speed
+from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
@@ -113,3 +117,40 @@ def test_no_equilibrium_is_a_result(tmp_path: Path) -> None:
     content = group(tmp_path / "a.zarr")
     assert len(content.attributes["speeds_without_equilibrium"]) == 2
     assert content.arrays["critical_speed"].size == 0
+
+
+def heavy(**tables: Any) -> NamedCase:
+    """A rotor whose films close on 24 x 2 between the speeds 0.103 and 0.209."""
+    return NamedCase.of("smoke", HEAVY_ON_SOFT_FOILS.case((24, 2), **tables))
+
+
+def test_critical_speeds_that_may_be_lost_are_a_failure(tmp_path: Path) -> None:
+    """2 speeds of 11 have no equilibrium; where they are, the count of modes changes."""
+    table = {"speed_range": (0.1, 0.6), "points": 11, "unbalance_points": 3}
+    result = Watched("criticals", heavy(criticals=table), tmp_path / "a.zarr").result
+    assert not result.ok
+    assert result.stop_reason == "critical speeds may be missing"
+    assert re.match(
+        r"between the speeds 0\.10\d+ and 0\.2\d+ there is no equilibrium; the number of", result.advice
+    )
+    assert "raise numerics.circumferential" in result.advice
+    assert result.summary["without equilibrium"] == "0.15, 0.2"
+    content = group(tmp_path / "a.zarr")
+    assert content.attributes["stop_reason"] == result.stop_reason
+    assert len(content.attributes["speeds_without_equilibrium"]) == 2
+    assert content.attributes["inserted_speeds"] == len(content.arrays["speed"]) - 11
+    gone = np.isnan(content.arrays["frequency"]).all(axis=1)
+    assert content.arrays["speed"][gone].min() > 0.1
+    assert content.arrays["speed"][gone].max() < 0.21
+    again = Watched("criticals", heavy(criticals=table), tmp_path / "a.zarr")
+    assert again.told == []
+    assert again.result == result
+
+
+def test_the_count_of_modes_is_stored_with_the_crossings(tmp_path: Path) -> None:
+    Watched("criticals", tiny_case(), tmp_path / "a.zarr")
+    attributes = group(tmp_path / "a.zarr").attributes
+    first, last = attributes["modes_above_synchronous"]
+    assert last - first == attributes["crossings"] + attributes["damping_passages"]
+    assert attributes["undecided_stretches"] == []
+    assert attributes["stop_reason"] == "all speeds are computed"

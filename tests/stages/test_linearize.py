@@ -7,14 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipelines.case.reading import NamedCase
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import OtherConfigurationError, open_for_reading
+from pipelines.datasets.watching import watch
 from pipelines.machine import film
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.equilibrium import at_rest
 from pipelines.orbits.linear import at_speed, linear_point
-from pipelines.stages.linearize import reference_parameters
+from pipelines.stages.linearize import _instability, reference_parameters
+from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
@@ -146,3 +149,47 @@ def test_no_equilibrium_is_a_result(tmp_path: Path) -> None:
     assert group.attributes["n_points"] == 2
     assert np.all(np.isnan(group.arrays["state"]))
     assert np.all(np.isfinite(group.arrays["newton_residual"]))
+
+
+def heavy(points: int, highest: float) -> NamedCase:
+    """A rotor whose films close on 24 x 2 between the speeds 0.103 and 0.209."""
+    return NamedCase.of(
+        "smoke",
+        HEAVY_ON_SOFT_FOILS.case((24, 2), linearize={"speed_range": (0.1, highest), "points": points}),
+    )
+
+
+def test_some_speeds_without_equilibrium_are_named(tmp_path: Path) -> None:
+    """2 of 23: told, and no failure; interrupted anywhere the same bytes."""
+    watched = Watched("linearize", heavy(23, 1.2), tmp_path / "a.zarr")
+    assert watched.result.ok
+    assert watched.result.stop_reason == "some speeds have no equilibrium"
+    assert watched.result.summary["without equilibrium"] == "0.15, 0.2"
+    assert watched.result.summary["instability speed"] == pytest.approx(1.051, abs=0.01)
+    told = linear(tmp_path / "a.zarr").attributes["speeds_without_equilibrium"]
+    assert [one.partition(":")[0] for one in told] == ["speed 0.15", "speed 0.2"]
+    assert all("on 48 x 3 all of it" in one for one in told)
+    (described,) = (state for state in watch(tmp_path / "a.zarr") if state.group == "linear")
+    assert described.speeds_without_equilibrium == tuple(told)
+    for stop in (1, 1, 1):
+        Watched("linearize", heavy(23, 1.2), tmp_path / "b.zarr", stop_after=stop)
+    Watched("linearize", heavy(23, 1.2), tmp_path / "b.zarr")
+    assert compare_trees(tmp_path / "a.zarr", tmp_path / "b.zarr") == []
+
+
+def test_too_many_speeds_without_equilibrium_are_a_failure(tmp_path: Path) -> None:
+    result = Watched("linearize", heavy(11, 0.6), tmp_path / "a.zarr").result
+    assert not result.ok
+    assert result.stop_reason == "too many speeds have no equilibrium"
+    assert result.advice.startswith("2 of 11 speeds have none: 0.15, 0.2; at speed 0.2: on the grid 24 x 2")
+    assert linear(tmp_path / "a.zarr").attributes["n_points"] == 11
+
+
+def test_an_instability_between_speeds_without_equilibrium_is_a_failure() -> None:
+    eigenvalues = np.full((4, 2), complex(np.nan, np.nan))
+    eigenvalues[[0, 3], 0] = -0.1 + 1j, 0.2 + 1j
+    rows = {"speed": np.arange(4.0), "eigenvalues": eigenvalues, "state": np.zeros((4, 1))}
+    found = _instability(None, np.zeros(4), rows)  # type: ignore[arg-type]
+    assert found["instability_speed"] is None
+    assert found["instability_between"] == [0.0, 3.0]
+    assert found["unstable_from_start"] is False

@@ -1,0 +1,44 @@
+"""Speeds of a range that have no equilibrium: what a stage that goes over the range tells of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+# A stage fails where more than this share of its speeds has no equilibrium.
+LARGEST_SHARE = 0.1
+NAMED = 6  # speeds that a message names
+
+ATTRIBUTE = "speeds_without_equilibrium"
+FINISHED = "all speeds are computed"
+SOME_MISSING = "some speeds have no equilibrium"
+MANY_MISSING = "too many speeds have no equilibrium"
+NO_EQUILIBRIUM = "no speed of the range has an equilibrium"
+WELL = frozenset({FINISHED, SOME_MISSING})
+
+
+def told(speed: float, reason: str) -> str:
+    """What is stored of a speed without equilibrium."""
+    return f"speed {speed:.4g}: {reason}"
+
+
+def ending(missing: Sequence[str], total: int) -> str:
+    """Why a stage ends that found no equilibrium at some of its speeds, each as ``told``."""
+    if not missing:
+        return FINISHED
+    if len(missing) == total:
+        return NO_EQUILIBRIUM
+    return SOME_MISSING if len(missing) <= LARGEST_SHARE * total else MANY_MISSING
+
+
+def named(missing: Sequence[str]) -> str:
+    """The speeds, a few of them by value."""
+    speeds = [one.partition(":")[0].removeprefix("speed ") for one in missing]
+    more = f" and {len(speeds) - NAMED} more" if len(speeds) > NAMED else ""
+    return ", ".join(speeds[:NAMED]) + more
+
+
+def advice(missing: Sequence[str], total: int) -> str:
+    """Which speeds these are, and the reason at the highest."""
+    if not missing:
+        return ""
+    return f"{len(missing)} of {total} speeds have none: {named(missing)}; at {missing[-1]}"
