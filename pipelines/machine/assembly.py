@@ -25,12 +25,16 @@ from .shaft import RotorMatrices, assemble_rotor
 
 @dataclass(frozen=True)
 class Machine:
-    """A rotor on two gas foil bearings; ``parameters`` everywhere follow ``pipelines.case.PARAMETERS``."""
+    """A rotor on two gas foil bearings; ``parameters`` everywhere follow ``pipelines.case.PARAMETERS``.
+
+    ``condensed`` is in SI units, ``scaled`` in those of the state.
+    """
 
     scales: Scales
     bearings: tuple[Bearing, Bearing]
     rotor: RotorMatrices
     condensed: CondensedRotor
+    scaled: CondensedRotor
     space: StateSpace
     journal_freedoms: tuple[int, int]
     constants: Array
@@ -49,7 +53,7 @@ class Machine:
 
     @property
     def rotor_freedoms(self) -> int:
-        """Displacements of the master nodes, x and y of each."""
+        """Freedoms of the master nodes: x and y of each, and its slopes where they are kept."""
         return int(self.layout[rates.ROTOR_SIZE])
 
     def film_unknowns(self, bearing: int) -> slice:
@@ -70,7 +74,9 @@ class Machine:
         return np.asarray(own / self.scales.bearings[bearing].clearance_ratio)
 
     def masters(self, state: Array) -> Array:
-        """Displacements x, y of the master nodes, in units of the machine's displacement scale."""
+        """Displacements x, y of the master nodes, in units of the machine's displacement scale c, and slopes
+        where they are kept, in units of c/L of the first bearing.
+        """
         return state[..., self.rotor_start : self.rotor_start + self.rotor_freedoms]
 
     def rates(self, phase: float, state: Array, parameters: Array) -> Array:
@@ -198,8 +204,10 @@ def build_machine(case: Case) -> Machine:
     """
     scales = Scales.from_case(case)
     rotor = assemble_rotor(case.rotor)
-    condensed = condense(rotor, case.rotor.masters)
-    space = state_space(condensed.scaled(scales.time, scales.displacement, scales.force))
+    condensed = condense(rotor, case.rotor.master_nodes, case.rotor.slope_nodes)
+    length = scales.bearings[0].length
+    scaled = condensed.scaled(scales.time, scales.displacement, scales.force, length)
+    space = state_space(scaled)
     settings = [film_settings(case, index) for index in range(rates.BEARINGS)]
     bearings = (pack_bearing(settings[0]), pack_bearing(settings[1], offset=settings[0].unknowns))
     freedoms = (condensed.position(case.bearings[0].node), condensed.position(case.bearings[1].node))
@@ -212,7 +220,7 @@ def build_machine(case: Case) -> Machine:
         )
         for s in settings
     )
-    return Machine(scales, bearings, rotor, condensed, space, freedoms, constants, layout, work_size)
+    return Machine(scales, bearings, rotor, condensed, scaled, space, freedoms, constants, layout, work_size)
 
 
 def _pack(
