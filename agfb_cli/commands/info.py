@@ -40,7 +40,7 @@ def info(
 
 
 def show(content: Mapping[str, Any], console: Console) -> None:
-    """One line per group on stdout; origin and advice on stderr."""
+    """One line per group on stdout; origin, cautions and advice on stderr."""
     attributes = content["attributes"]
     version = attributes.get("versions", {}).get("agfb", "of an unknown version")
     console.message(f"written by agfb {version}: {shlex.join(attributes.get('argv', ()))}")
@@ -52,6 +52,10 @@ def show(content: Mapping[str, Any], console: Console) -> None:
             capacity = state["capacity"]
             points = None if state["n_points"] is None else f"{state['n_points']} of at most {capacity}"
             reason = words(state["stop_reason"] or state["status"])
+            if (error := state["condensation_error"]) is not None:
+                reason += f", condensation error {error:.2g}"
+            if state["caution"]:
+                console.message(f"caution: {name} {group}: {state['caution']}")
             rows.append((name, group, points, state["n_events"], reason))
             if state["stop_advice"]:
                 console.detail(f"{name} {group}: {state['stop_advice']}")

@@ -136,7 +136,7 @@ def model_of(annotation: Any) -> type[Table] | None:
 
 
 def holds_values(annotation: Any) -> bool:
-    """True where plain values may stand: not for tables and arrays of tables, unless these mix with values."""
+    """True where plain values may stand: not for tables, nor arrays of tables alone."""
     for kind in inner_types(annotation):
         parts = [part for part in get_args(kind) if part is not Ellipsis]
         if get_origin(kind) is tuple and any(map(holds_values, parts)):

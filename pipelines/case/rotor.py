@@ -295,7 +295,7 @@ class Rotor(Table):
 
     @property
     def condensed_freedoms(self) -> int:
-        """Freedoms of the condensed rotor: two translations of every master, two slopes where they are kept."""
+        """Freedoms of the condensed rotor: x, y of every master, and two slopes where they are kept."""
         return 2 * (len(self.masters) + len(self.slope_nodes))
 
     @property

@@ -235,6 +235,22 @@ CRITICALS = GroupSpec(
             "rotor_mode condensed_mode",
             "modal assurance criterion, full against condensed mode shapes",
         ),
+        _real("checked_speed", "checked_mode", "rotating speed at which a mode of the rotor is checked"),
+        _real(
+            "checked_full_frequency",
+            "checked_mode",
+            "frequency of a mode of the full rotor up to the highest speed, on linear bearings",
+        ),
+        _real(
+            "checked_condensed_frequency",
+            "checked_mode",
+            "frequency of this mode of the condensed rotor, not a number where it has no such mode",
+        ),
+        _real(
+            "checked_error",
+            "checked_mode",
+            "relative error of the frequency of the condensed rotor, 1 where it has no such mode",
+        ),
         _real("unbalance_speed", "unbalance", "speeds of the unbalance response"),
         _count("response_node", "response", "node at which the unbalance response is taken"),
         _real(

@@ -154,9 +154,7 @@ def static_transformation(
     return transformation
 
 
-def condense(
-    rotor: RotorMatrices, masters: Sequence[int], slopes: Collection[int] = ()
-) -> CondensedRotor:
+def condense(rotor: RotorMatrices, masters: Sequence[int], slopes: Collection[int] = ()) -> CondensedRotor:
     """Condense the rotor onto its masters (Eq. 11), of which those in ``slopes`` keep their rotations too.
 
     Raises ValueError as ``static_transformation`` does.

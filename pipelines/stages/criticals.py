@@ -29,6 +29,7 @@ from pipelines.orbits.campbell import (
 )
 from pipelines.orbits.equilibrium import machine_equilibrium
 from pipelines.orbits.linear import at_speed, dynamic_stiffness
+from pipelines.stages.condensed_modes import LinearBearings, checked_modes
 from pipelines.stages.linearize import NO_EQUILIBRIUM
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
@@ -64,16 +65,25 @@ def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
     try:
         diagram = _diagram(machine, parameters, case.case, visit)
         critical = critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
-        comparison = _comparison(machine, parameters, case.case, visit)
+        linear = _linear_bearings(machine, parameters, case.case, visit)
     except _StopRequested:
         return StageResult(case.case_id, True, "stopped on request")
     resonances = parametric_resonances([one.speed for one in critical], table.orders)
     arrays = _campbell_arrays(diagram) | _critical_arrays(machine, critical) | _resonance_arrays(resonances)
-    if comparison is not None:
-        arrays |= _comparison_arrays(machine, comparison)
+    attributes: dict[str, Any] = {"condensation_error": None, "caution": ""}
+    if linear is not None:
+        at_operation = int(np.argmin(np.abs(linear.speeds - parameters[0])))
+        arrays |= _comparison_arrays(machine, _comparison(machine, case.case, linear, at_operation))
+        checked = checked_modes(machine, case.case, linear, at_operation, [one.speed for one in critical])
+        arrays |= checked.arrays
+        attributes = {"condensation_error": checked.error, "caution": checked.caution}
     missing = [f"speed {diagram.speeds[index]:.4g}: {reason}" for index, reason in diagram.missing.items()]
     write_group(
-        store, group, "criticals", arrays, {"request": request, "speeds_without_equilibrium": missing}
+        store,
+        group,
+        "criticals",
+        arrays,
+        {"request": request, "speeds_without_equilibrium": missing, **attributes},
     )
     report(Progress("criticals", case.case_id, total, total))
     return _result(case.case_id, store, group)
@@ -85,8 +95,8 @@ def _diagram(machine: Machine, parameters: Array, case: Case, visit: Any) -> Cam
     return campbell_diagram(machine, parameters, speeds, visit)
 
 
-def _comparison(machine: Machine, parameters: Array, case: Case, visit: Any) -> CondensationComparison | None:
-    """Full against condensed rotor on the films' synchronous coefficients; None without any equilibrium."""
+def _linear_bearings(machine: Machine, parameters: Array, case: Case, visit: Any) -> LinearBearings | None:
+    """The films' synchronous coefficients along the range; None without any equilibrium."""
     table, scales = case.criticals, machine.scales
     speeds: list[float] = []
     coefficients: list[list[NDArray[np.complex128]]] = []
@@ -104,19 +114,25 @@ def _comparison(machine: Machine, parameters: Array, case: Case, visit: Any) -> 
         return None
     complex_stiffness = np.array(coefficients)  # (speeds, bearings, 2, 2), in N/m
     dimensional = np.array(speeds) / scales.time  # rad/s
-    bearings = [
+    bearings = tuple(
         LinearBearing(
             table_of.node,
             complex_stiffness[:, index].real,
             complex_stiffness[:, index].imag / dimensional[:, None, None],
         )
         for index, table_of in enumerate(case.bearings)
-    ]
-    at_operation = int(np.argmin(np.abs(np.array(speeds) - parameters[0])))
+    )
+    return LinearBearings(np.array(speeds), dimensional, bearings)
+
+
+def _comparison(
+    machine: Machine, case: Case, linear: LinearBearings, at_operation: int
+) -> CondensationComparison:
+    """Full against condensed rotor: modes near the operating speed, unbalance response along the range."""
     return compare_condensation(
-        machine.rotor, machine.condensed.masters, bearings, dimensional,
+        machine.rotor, machine.condensed.masters, linear.bearings, linear.dimensional,
         unbalance=_unbalance(machine, case), modal_index=at_operation, modes=COMPARED_MODES,
-        max_damping_ratio=table.max_damping_ratio,
+        max_damping_ratio=case.criticals.max_damping_ratio, slopes=machine.condensed.slopes,
     )  # fmt: skip
 
 
@@ -216,9 +232,11 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
     critical, resonances = content.arrays["critical_speed"], content.arrays["resonance_frequency"]
     lowest = float(critical[0]) if critical.size else None
     summary = {"critical speeds": int(critical.size), "lowest": lowest, "resonances": int(resonances.size)}
+    summary["condensation error"] = content.attributes.get("condensation_error")
+    caution = content.attributes.get("caution", "")
     missing = content.attributes["speeds_without_equilibrium"]
     if critical.size:
-        return StageResult(case_id, True, FINISHED, "", summary)
+        return StageResult(case_id, True, FINISHED, "", summary, caution=caution)
     advice = missing[-1] if missing else "widen criticals.speed_range or raise criticals.max_damping_ratio"
     reason = NO_EQUILIBRIUM if len(missing) == len(content.arrays["speed"]) else NO_CRITICAL
-    return StageResult(case_id, not missing, reason, advice, summary)
+    return StageResult(case_id, not missing, reason, advice, summary, caution=caution)
