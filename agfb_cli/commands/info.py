@@ -52,10 +52,10 @@ def show(content: Mapping[str, Any], console: Console) -> None:
             capacity = state["capacity"]
             points = None if state["n_points"] is None else f"{state['n_points']} of at most {capacity}"
             reason = words(state["stop_reason"] or state["status"])
-            if (error := state["condensation_error"]) is not None:
+            if (error := state.get("condensation_error")) is not None:
                 reason += f", condensation error {error:.2g}"
-            if state["caution"]:
-                console.message(f"caution: {name} {group}: {state['caution']}")
+            if caution := state.get("caution"):
+                console.message(f"caution: {name} {group}: {caution}")
             rows.append((name, group, points, state["n_events"], reason))
             if state["stop_advice"]:
                 console.detail(f"{name} {group}: {state['stop_advice']}")

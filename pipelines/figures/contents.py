@@ -56,10 +56,22 @@ class CaseView:
         return len(self.machine["bearing_node"])
 
     def journal_coordinates(self, bearing: int) -> tuple[int, int]:
-        """Columns of x and y of a journal among the coordinates of the masters (x, y of each in order)."""
-        masters = self.machine["master_node"]
-        place = int(np.flatnonzero(masters == self.machine["bearing_node"][bearing])[0])
-        return 2 * place, 2 * place + 1
+        """Columns of x and y of a journal among the coordinates of the masters (x, y of each in order, and
+        the slopes where they are kept).
+        """
+        journal = self.machine["bearing_node"][bearing]
+        before, slopes = self.machine["master_node"] < journal, self.machine.optional("slope_node") < journal
+        first = 2 * (int(before.sum()) + int(slopes.sum()))
+        return first, first + 1
+
+    def micrometres(self, bearing: int) -> float:
+        """A bearing's own clearance [µm]: that of its displacements and films of 1."""
+        return float(1e6 * self.machine["bearing_clearance"][bearing])
+
+    def clearance_ratio(self, bearing: int) -> float:
+        """A bearing's clearance over that of the first, which measures the rotor's displacements."""
+        clearance = self.machine["bearing_clearance"]
+        return float(clearance[bearing] / clearance[0])
 
 
 @dataclass(frozen=True)

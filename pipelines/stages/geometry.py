@@ -40,4 +40,6 @@ def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
         "bearing_clearance": np.array([bearing.clearance for bearing in bearings]),
         "master_node": np.array(rotor.master_nodes, dtype=np.int32),
     }
+    if rotor.slope_nodes:
+        arrays["slope_node"] = np.array(rotor.slope_nodes, dtype=np.int32)
     return arrays, {"material_names": materials}
