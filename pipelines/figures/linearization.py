@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import add_parameter_axis, add_right, clearance_circle, limits
+from pipelines.figures.axes import add_parameter_axis, clearance_circle, limits
 from pipelines.figures.contents import CaseView, Table
 
 COEFFICIENTS = (("xx", 0, 0), ("xy", 0, 1), ("yx", 1, 0), ("yy", 1, 1))
@@ -105,7 +105,7 @@ def _draw_minimum_film(axes: Axes, case: CaseView, linear: Table) -> None:
     axes.set_ylabel(r"minimum film $\bar{h}$ [–]")
     axes.set_ylim(0.0, limits(linear["minimum_film"], 0.1)[1])
     axes.set_xlim(*limits(linear["speed"], 0.03))
-    add_right(axes, case.scales.micrometres, "[µm]")
+    case.add_micrometres(axes, "")
 
 
 def _draw_coefficients(axes: Axes, linear: Table, array: str, title: str, letter: str) -> None:
