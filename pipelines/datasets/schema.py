@@ -105,7 +105,7 @@ def _flag(name: str, dimensions: str, long_name: str, *meanings: str) -> ArraySp
 OWN = "over the bearing's own clearance"
 FIRST = "over the clearance c of the first bearing"
 RING = f"{OWN} (where the excitation is a load: {FIRST})"
-FOIL = "k c / p0 of the first bearing that has a foil, not a number where none has one"
+FOIL = "k c / p0 of the first bearing that has a foil; 1 stands for it where none has one"
 ROTOR = f"{FIRST}, slopes over its c / L"
 
 PARAMETERS_OF_A_POINT = (

@@ -30,6 +30,11 @@ class Scales:
     bearings_differ: bool = False  # in clearance: then lengths and stiffnesses are said to be of bearing 1
 
 
+def seconds(scales: Scales) -> float:
+    """Seconds in a unit of time."""
+    return 1.0 / (2.0 * np.pi * scales.hertz)
+
+
 @dataclass(frozen=True)
 class ParameterAxis:
     """How a continued parameter is written on an axis."""

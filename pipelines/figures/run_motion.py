@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import add_right, add_top, clearance_circle, limits
+from pipelines.figures.axes import add_right, add_top, clearance_circle, limits, seconds
 from pipelines.figures.contents import CaseView
 from pipelines.figures.runs import (
     AXIS_COLOURS,
@@ -20,7 +20,6 @@ from pipelines.figures.runs import (
     RunView,
     bearing_title,
     label_along,
-    seconds,
 )
 
 VERTICAL = 1

@@ -333,7 +333,9 @@ def _constants(view: PlaneView) -> str:
         return ""
     fixed = [name for name in ("displacement", "foil_stiffness") if name not in (view.x, view.y)]
     known = [
-        f"{PARAMETER_AXES[name].symbol} = {float(table[name][0]):.4g}" for name in fixed if name in table
+        f"{PARAMETER_AXES[name].symbol} = {float(table[name][0]):.4g}"
+        for name in fixed
+        if name in table and np.isfinite(table[name][0])
     ]
     return " at " + ", ".join(known) if known else ""
 
