@@ -76,9 +76,11 @@ class CaseView:
         own = coordinates[..., list(self.journal_coordinates(bearing))]
         return np.asarray(own / (self.clearance(bearing) / self.clearance(0)))
 
-    def add_micrometres(self, axes: Axes, label: str, bearing: int | None = None) -> None:
+    def add_micrometres(
+        self, axes: Axes, label: str, bearing: int | None = None, apart: float = 0.11
+    ) -> None:
         """Second y axis in µm beside one in clearances of a bearing; of all of them, one axis for every
-        different clearance. ``label`` without unit.
+        different clearance, ``apart`` in widths of the axes. ``label`` without unit.
         """
         if bearing is not None:
             add_right(axes, self.clearance(bearing), f"{label} [µm]".strip())
@@ -88,7 +90,7 @@ class CaseView:
         for number, clearance in enumerate(different):
             owner = f", bearing {clearances.index(clearance) + 1}" if len(different) > 1 else ""
             text = f"{label}{owner} [µm]".removeprefix(", ").strip()
-            add_right(axes, clearance, text, 1.0 + 0.11 * number)
+            add_right(axes, clearance, text, 1.0 + apart * number)
 
 
 @dataclass(frozen=True)

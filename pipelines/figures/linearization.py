@@ -111,7 +111,7 @@ def _draw_minimum_film(axes: Axes, case: CaseView, linear: Table) -> None:
     axes.set_ylabel(r"minimum film $\bar{h}$ [–]")
     axes.set_ylim(0.0, limits(linear["minimum_film"], 0.1)[1])
     axes.set_xlim(*limits(linear["speed"], 0.03))
-    case.add_micrometres(axes, "")
+    case.add_micrometres(axes, "", apart=0.27)
 
 
 def newton_per_metre(case: CaseView, bearing: int) -> float:
