@@ -40,7 +40,7 @@ def info(
 
 
 def show(content: Mapping[str, Any], console: Console) -> None:
-    """One line per group on stdout; origin and advice on stderr."""
+    """One line per group on stdout; origin, cautions and advice on stderr."""
     from pipelines.stages.missing_speeds import named
 
     attributes = content["attributes"]
@@ -56,6 +56,10 @@ def show(content: Mapping[str, Any], console: Console) -> None:
             reason = words(state["stop_reason"] or state["status"])
             if missing := state["speeds_without_equilibrium"]:
                 reason += f" ({named(missing)})"
+            if (error := state.get("condensation_error")) is not None:
+                reason += f", condensation error {error:.2g}"
+            if caution := state.get("caution"):
+                console.message(f"caution: {name} {group}: {caution}")
             rows.append((name, group, points, state["n_events"], reason))
             if state["stop_advice"]:
                 console.detail(f"{name} {group}: {state['stop_advice']}")

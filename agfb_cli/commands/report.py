@@ -16,6 +16,7 @@ from agfb_cli.inputs import existing_store
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 
 if TYPE_CHECKING:
+    from pipelines.datasets.store import Store as StoreOnDisk
     from pipelines.stages.operating_range import Best, OperatingRange, Stretch
 
 Scales = Mapping[str, float]
@@ -99,8 +100,12 @@ def show(
     from pipelines.datasets.store import open_for_reading
 
     opened = open_for_reading(path)
+    condensed = {case: condensation(opened, case) for case in found}
     if console.json:
-        cases = {case: as_json(ranges) for case, ranges in found.items()}
+        cases = {
+            case: {**as_json(ranges), "condensation_error": condensed[case][0]}
+            for case, ranges in found.items()
+        }
         console.json_data({"store": str(path), "written": written, "cases": cases, "missing": missing})
         return
     for number, (case, ranges) in enumerate(found.items()):
@@ -109,8 +114,20 @@ def show(
         console.data(boundary_table(ranges, scales))
         for line in conclusions(ranges, scales):
             console.data(line)
-        for caution in ranges.cautions:
+        error, doubt = condensed[case]
+        if error is not None:
+            console.data(f"condensed rotor: modes below the highest speed at most {100.0 * error:.2g} % off")
+        for caution in (*ranges.cautions, *([doubt] if doubt else [])):
             console.message(f"caution: {case}: {caution}")
+
+
+def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:
+    """Largest error of the condensed rotor's modes, None where not known, and the caution with it."""
+    from pipelines.datasets.reading import read_group
+
+    group = f"cases/{case}/criticals"
+    attributes = read_group(store, group, ()).attributes if store.has_group(group) else {}
+    return attributes.get("condensation_error"), attributes.get("caution", "")
 
 
 def as_json(ranges: OperatingRange) -> dict[str, Any]:

@@ -264,6 +264,8 @@ def announce(stage: str, result: StageResult, console: Console) -> None:
             console.error(result.traceback.rstrip())
     if result.ok and result.advice:
         console.detail(f"  {result.advice}")
+    if result.caution:
+        console.message(f"caution: {name}: {result.caution}")
 
 
 def show_outcome(outcome: Outcome, store: Path, files: Sequence[Path], console: Console) -> None:

@@ -135,6 +135,17 @@ def model_of(annotation: Any) -> type[Table] | None:
     return None
 
 
+def holds_values(annotation: Any) -> bool:
+    """True where plain values may stand: not for tables, nor arrays of tables alone."""
+    for kind in inner_types(annotation):
+        parts = [part for part in get_args(kind) if part is not Ellipsis]
+        if get_origin(kind) is tuple and any(map(holds_values, parts)):
+            return True
+        if get_origin(kind) is not tuple and model_of(kind) is None:
+            return True
+    return False
+
+
 def is_collection(annotation: Any) -> bool:
     """True for arrays and for tables with free names: their next path component is an index or a name."""
     return any(get_origin(kind) in (tuple, dict) for kind in inner_types(annotation))

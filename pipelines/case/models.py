@@ -23,7 +23,7 @@ from pipelines.case.curve_settings import BifurcationSet, TrackCurves
 from pipelines.case.fields import InconsistentError, Misfit, Table, quantity, table
 from pipelines.case.problems import CaseError, Places, problems_of
 from pipelines.case.refine_settings import Refine
-from pipelines.case.rotor import Disc, Element, Material, Rotor, Support, off_shaft
+from pipelines.case.rotor import Disc, Element, Master, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
 from pipelines.case.settings import ContinueCycles, Criticals, Linearize, Numerics, Operation
 from pipelines.case.sweeps import assign
@@ -48,6 +48,7 @@ __all__ = [
     "Foil",
     "Gas",
     "Linearize",
+    "Master",
     "Material",
     "Numerics",
     "Operation",
@@ -137,9 +138,9 @@ class Case(Table):
     @classmethod
     def _fits_in_memory(cls, numerics: Numerics, info: ValidationInfo) -> Numerics:
         rotor: Rotor | None = info.data.get("rotor")
-        masters = len(rotor.masters) if rotor is not None else 2
-        # N = 2 (N_theta - 1)(N_z + 1) + 4 n_master
-        unknowns = 2 * (numerics.circumferential - 1) * (numerics.axial + 1) + 4 * masters
+        freedoms = rotor.condensed_freedoms if rotor is not None else 4
+        # N = 2 (N_theta - 1)(N_z + 1) + 4 n_master (+ 4 where a master keeps its slopes)
+        unknowns = 2 * (numerics.circumferential - 1) * (numerics.axial + 1) + 2 * freedoms
         if unknowns > MAXIMUM_UNKNOWNS:
             raise InconsistentError(
                 f"the grid {numerics.circumferential} x {numerics.axial} makes {unknowns} unknowns; "
@@ -189,8 +190,8 @@ def misplaced_journals(rotor: Rotor, nodes: Sequence[Any]) -> list[Misfit]:
             continue
         if node >= rotor.node_count:
             problems.append(((index, "node"), off_shaft(node, rotor.node_count - 1)))
-        elif node not in rotor.masters:
-            masters = ", ".join(map(str, rotor.masters))
+        elif node not in rotor.master_nodes:
+            masters = ", ".join(map(str, rotor.master_nodes))
             message = f"must be one of rotor.masters ({masters}): the film acts on nodes that are kept"
             problems.append(((index, "node"), message))
         if node in nodes[:index]:

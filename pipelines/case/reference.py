@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from pipelines.case.fields import Table, bounds_of, extra_of, inner_types, keys_of, model_of
+from pipelines.case.fields import Table, bounds_of, extra_of, holds_values, inner_types, keys_of, model_of
 from pipelines.case.models import Case
 
 _TYPE_NAMES = {float: "number", int: "integer", bool: "true/false", str: "string"}
@@ -47,7 +47,9 @@ def settable_keys() -> dict[str, tuple[str, ...]]:
     default as an example; keys with a free name are left out.
     """
     keys = {name: field for name, field in keys_of(Case) if ".NAME" not in name}
-    return {name: _examples(field) for name, field in keys.items() if model_of(field.annotation) is None}
+    settable = {name: _examples(field) for name, field in keys.items() if holds_values(field.annotation)}
+    # what may be a plain value has no keys of its own
+    return {name: words for name, words in settable.items() if name.rpartition(".")[0] not in settable}
 
 
 def _examples(field: FieldInfo) -> tuple[str, ...]:
@@ -107,7 +109,7 @@ def _type_name(annotation: Any) -> str:
         if origin is tuple:
             items = get_args(kind)
             number = "" if Ellipsis in items else f" of {len(items)}"
-            what = "tables" if model_of(kind) else f"{_type_name(items[0])}s"
+            what = " or ".join(f"{name}s" for name in _type_name(items[0]).split(" or "))
             names.append(f"{what} (array{number})")
         elif origin is dict:
             names.append("tables by name")

@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, PlainSerializer, PlainValidator, TypeAdapter, ValidationInfo, field_validator
 
 from pipelines.case.fields import (
     SECOND_ELASTIC_CONSTANT,
@@ -153,6 +153,37 @@ class Support(Table):
     )
 
 
+class Master(Table):
+    """A master node that keeps its slopes beside its translations; a number alone keeps the translations."""
+
+    node: int = quantity("node of the shaft", "", at_least=0, because="nodes are numbered from 0")
+    slopes: bool = quantity(
+        "also keep the slopes: where a wheel overhangs, its tilt is a motion of its own", "", False
+    )
+
+
+_NODE_NUMBER = TypeAdapter(NodeNumber)
+
+
+def _master(value: Any) -> int | Master:
+    """A master as it is written; without slopes the number of its node, so that one rotor has one form."""
+    if isinstance(value, dict | Master):
+        master = Master.model_validate(value)
+        return master if master.slopes else master.node
+    return _NODE_NUMBER.validate_python(value)
+
+
+def _written(master: int | Master) -> int | dict[str, Any]:
+    return master if isinstance(master, int) else master.model_dump()
+
+
+MasterNode = Annotated[
+    NodeNumber | Master,
+    PlainValidator(_master, json_schema_input_type=NodeNumber | Master),
+    PlainSerializer(_written),
+]
+
+
 class Rotor(Table):
     """A flexible rotor of beam elements, condensed onto its master nodes."""
 
@@ -167,8 +198,9 @@ class Rotor(Table):
     )
     discs: tuple[Disc, ...] = table("rigid discs", (), max_length=MAXIMUM_ELEMENTS)
     supports: tuple[Support, ...] = table("extra linear supports to ground", (), max_length=MAXIMUM_ELEMENTS)
-    masters: tuple[NodeNumber, ...] = table(
-        "master nodes, rising; their translations are kept by the Guyan condensation",
+    masters: tuple[MasterNode, ...] = table(
+        "master nodes, rising; the Guyan condensation keeps their translations, and of `{ node = 0, slopes = "
+        "true }` the slopes too",
         max_length=MAXIMUM_ELEMENTS + 1,
     )
     rayleigh_mass: float = quantity(
@@ -223,16 +255,16 @@ class Rotor(Table):
 
     @field_validator("masters")
     @classmethod
-    def _masters(cls, masters: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
-        last = _last_node(info)
+    def _masters(cls, masters: tuple[int | Master, ...], info: ValidationInfo) -> tuple[int | Master, ...]:
+        last, nodes = _last_node(info), [node_of(master) for master in masters]
         problems: list[str | Misfit] = [
-            ((index,), off_shaft(node, last))
-            for index, node in enumerate(masters)
+            ((index,) if isinstance(masters[index], int) else (index, "node"), off_shaft(node, last))
+            for index, node in enumerate(nodes)
             if last is not None and node > last
         ]
-        if len(masters) < 2:
+        if len(nodes) < 2:
             problems.append("must name at least two nodes: the rotor stands on two bearings")
-        if any(a >= b for a, b in pairwise(masters)):
+        if any(a >= b for a, b in pairwise(nodes)):
             problems.append("must rise strictly, each node once")
         if problems:
             raise InconsistentError(*problems)
@@ -252,6 +284,21 @@ class Rotor(Table):
         return tuple(positions)
 
     @property
+    def master_nodes(self) -> tuple[int, ...]:
+        """Nodes whose translations are kept, rising."""
+        return tuple(node_of(master) for master in self.masters)
+
+    @property
+    def slope_nodes(self) -> tuple[int, ...]:
+        """Master nodes whose slopes are kept too, rising."""
+        return tuple(master.node for master in self.masters if isinstance(master, Master))
+
+    @property
+    def condensed_freedoms(self) -> int:
+        """Freedoms of the condensed rotor: x, y of every master, and two slopes where they are kept."""
+        return 2 * (len(self.masters) + len(self.slope_nodes))
+
+    @property
     def node_count(self) -> int:
         """Number of nodes, one more than elements."""
         return 1 + sum(element.count for element in self.elements)
@@ -265,6 +312,11 @@ class Rotor(Table):
 def _last_node(info: ValidationInfo) -> int | None:
     elements = info.data.get("elements")
     return None if elements is None else sum(element.count for element in elements)
+
+
+def node_of(master: int | Master) -> int:
+    """Node of a master, however it is written."""
+    return master if isinstance(master, int) else master.node
 
 
 def off_shaft(node: int, last: int | None) -> str:

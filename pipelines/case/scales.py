@@ -63,6 +63,8 @@ class BearingScales:
     """Own film time t_b [s]."""
     force: float
     """Own force scale p0 R L [N]."""
+    length: float
+    """Own length L [m]; slopes of the rotor are in units of c/L of the first bearing."""
     time_ratio: float
     """s_b = t_b/t0: the bearing's own dimensionless speed is s_b Omega_bar."""
     clearance_ratio: float
@@ -106,6 +108,7 @@ class Scales:
                 BearingScales(
                     time=own_time,
                     force=own_force,
+                    length=bearing.length,
                     time_ratio=own_time / time,
                     clearance_ratio=bearing.clearance / first.clearance,
                     force_ratio=own_force / force,

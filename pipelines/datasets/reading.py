@@ -113,7 +113,8 @@ def describe(store: Store | Path | str) -> dict[str, Any]:
     the ``reason`` and ``advice`` of every stage that failed (see `pipelines.datasets.failures`).
 
     Only metadata are read. A group has ``kind``, ``status``, ``stop_reason``, ``stop_advice``, ``n_points``,
-    ``capacity``, ``n_events`` and ``speeds_without_equilibrium`` (None where it has no such thing).
+    ``capacity``, ``n_events`` and ``speeds_without_equilibrium`` (None where it has no such thing), and that
+    of `agfb criticals` its ``condensation_error`` and ``caution``.
     """
     opened = store if isinstance(store, Store) else open_for_reading(store)
     cases = {case: _describe_case(opened, case) for case in list_cases(opened)}
@@ -132,10 +133,14 @@ def _describe_case(store: Store, case: str) -> dict[str, Any]:
     }
 
 
+_TOLD = ("condensation_error", "caution")  # by `agfb criticals`
+
+
 def _describe_group(store: Store, group: str) -> dict[str, Any]:
     metadata = read_group_metadata(store.path, group)
     attributes = metadata.attributes
     row = KINDS[metadata.kind].row
     keys = ("status", "stop_reason", "stop_advice", "n_points", "n_events", "speeds_without_equilibrium")
+    told = {key: attributes[key] for key in _TOLD if key in attributes}
     capacity = attributes["dimensions"].get(row) if "n_points" in attributes else None
-    return {"kind": metadata.kind, "capacity": capacity} | {key: attributes.get(key) for key in keys}
+    return {"kind": metadata.kind, "capacity": capacity} | {key: attributes.get(key) for key in keys} | told

@@ -101,12 +101,18 @@ def _flag(name: str, dimensions: str, long_name: str, *meanings: str) -> ArraySp
     return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "int8", meanings)
 
 
-# What several kinds share.
+# Films are measured by their own bearing; the rotor, and all times, by the first one.
+OWN = "over the bearing's own clearance"
+FIRST = "over the clearance c of the first bearing"
+RING = f"{OWN} (where the excitation is a load: {FIRST})"
+FOIL = "k c / p0 of the first bearing that has a foil; 1 stands for it where none has one"
+ROTOR = f"{FIRST}, slopes over its c / L"
+
 PARAMETERS_OF_A_POINT = (
     _real("speed", "point", "rotating speed, dimensionless"),
     _real("excitation_frequency", "point", "excitation frequency of the ring, dimensionless"),
-    _real("displacement", "point", "largest vertical displacement of the ring over clearance"),
-    _real("foil_stiffness", "point", "foil stiffness of the first bearing, dimensionless"),
+    _real("displacement", "point", f"largest vertical displacement of the ring {RING}"),
+    _real("foil_stiffness", "point", f"foil stiffness {FOIL}"),
 )
 PLACE_ON_A_CURVE = (
     _real("step", "point", "arclength step that the next point tries first"),
@@ -114,17 +120,25 @@ PLACE_ON_A_CURVE = (
 )
 MASTER_COORDINATES = (
     _count("coordinate_node", "coordinate", "shaft node of the coordinate"),
-    _flag("coordinate_axis", "coordinate", "axis of the coordinate", "x", "y"),
+    _flag(
+        "coordinate_axis",
+        "coordinate",
+        "displacement along x or y, or slope: rotation alpha or beta of the section about x or y",
+        "x",
+        "y",
+        "alpha",
+        "beta",
+    ),
 )
 
 
 def _extremes(over: str) -> tuple[ArraySpec, ...]:
     """Extremes of a motion over its period, or whatever it covers."""
     return (
-        _real("orbit_minimum", "point coordinate", f"smallest value over {over}, over clearance"),
-        _real("orbit_maximum", "point coordinate", f"largest value over {over}, over clearance"),
+        _real("orbit_minimum", "point coordinate", f"smallest value over {over}, {ROTOR}"),
+        _real("orbit_maximum", "point coordinate", f"largest value over {over}, {ROTOR}"),
         _real("minimum_pressure", "point bearing", f"smallest film pressure over {over}, over ambient"),
-        _real("minimum_film", "point bearing", f"smallest film thickness over {over}, over clearance"),
+        _real("minimum_film", "point bearing", f"smallest film thickness over {over}, {OWN}"),
     )
 
 
@@ -156,7 +170,8 @@ MACHINE = GroupSpec(
         _real("bearing_radius", "bearing", "bearing radius", "m"),
         _real("bearing_length", "bearing", "bearing length", "m"),
         _real("bearing_clearance", "bearing", "radial clearance", "m"),
-        _count("master_node", "master", "nodes kept by the condensation"),
+        _count("master_node", "master", "nodes whose translations the condensation keeps"),
+        _count("slope_node", "slope", "nodes whose slopes the condensation keeps too"),
     ),
 )
 
@@ -170,18 +185,22 @@ LINEAR = GroupSpec(
             "speed component",
             "equilibrium state: pressures and foil displacements of both bearings, rotor",
         ),
-        _real("journal", "speed bearing axis", "journal centre (x, y) over clearance"),
-        _real("minimum_film", "speed bearing", "smallest film thickness over clearance"),
+        _real("journal", "speed bearing axis", f"journal centre (x, y) {OWN}"),
+        _real("minimum_film", "speed bearing", f"smallest film thickness {OWN}"),
         _complex(
             "eigenvalues", "speed eigenvalue", "leading eigenvalues of the linearised system", padded=True
         ),
         _real("eigenvalue_residual", "speed eigenvalue", "norm of J v - lambda v for unit v", padded=True),
         _real("whirl_ratio", "whirl_ratio", "whirl frequency over rotating speed"),
         _real(
-            "bearing_stiffness", "speed whirl_ratio bearing row column", "bearing stiffness over p0 R L / c"
+            "bearing_stiffness",
+            "speed whirl_ratio bearing row column",
+            "bearing stiffness over p0 R L / c of the bearing itself",
         ),
         _real(
-            "bearing_damping", "speed whirl_ratio bearing row column", "bearing damping over p0 R L t0 / c"
+            "bearing_damping",
+            "speed whirl_ratio bearing row column",
+            "bearing damping over p0 R L t0 / c, R, L and c of the bearing itself, t0 of the first one",
         ),
         _count("newton_iterations", "speed", "Newton iterations of the equilibrium"),
         _real("newton_residual", "speed", "norm of the right-hand side at the equilibrium"),
@@ -235,15 +254,33 @@ CRITICALS = GroupSpec(
             "rotor_mode condensed_mode",
             "modal assurance criterion, full against condensed mode shapes",
         ),
+        _real("checked_speed", "checked_mode", "rotating speed at which a mode of the rotor is checked"),
+        _real(
+            "checked_full_frequency",
+            "checked_mode",
+            "frequency of a mode of the full rotor up to the highest speed, on linear bearings",
+        ),
+        _real(
+            "checked_condensed_frequency",
+            "checked_mode",
+            "frequency of this mode of the condensed rotor, not a number where it has no such mode",
+        ),
+        _real(
+            "checked_error",
+            "checked_mode",
+            "relative error of the frequency of the condensed rotor, 1 where it has no such mode",
+        ),
         _real("unbalance_speed", "unbalance", "speeds of the unbalance response"),
         _count("response_node", "response", "node at which the unbalance response is taken"),
         _real(
-            "unbalance_full", "unbalance response", "unbalance response amplitude over clearance, full rotor"
+            "unbalance_full",
+            "unbalance response",
+            f"unbalance response amplitude {FIRST}, full rotor",
         ),
         _real(
             "unbalance_condensed",
             "unbalance response",
-            "unbalance response amplitude over clearance, condensed rotor",
+            f"unbalance response amplitude {FIRST}, condensed rotor",
         ),
     ),
 )
@@ -262,12 +299,12 @@ CYCLES = GroupSpec(
         _real("multiplier_residual", "point multiplier", "norm of M v - mu v for unit v", padded=True),
         _count("multiplier_count", "point", "number of multipliers stored"),
         _count("unstable_count", "point", "multipliers outside the unit circle, trivial ones left out"),
-        _real("orbit", "point sample coordinate", "orbit of the master nodes over clearance"),
+        _real("orbit", "point sample coordinate", f"orbit of the master nodes {ROTOR}"),
         *_extremes("the period"),
         _real(
             "minimum_film_trace",
             "point sample bearing",
-            "smallest film thickness along the period, over clearance",
+            f"smallest film thickness along the period, {OWN}",
         ),
         _real(
             "film_pressure", "point snapshot bearing theta", "axial mean of the film pressure over ambient"
@@ -275,9 +312,9 @@ CYCLES = GroupSpec(
         _real(
             "foil_displacement",
             "point snapshot bearing theta",
-            "foil displacement over clearance, ring included",
+            f"foil displacement {OWN}, ring included",
         ),
-        _real("film_thickness", "point snapshot bearing theta", "film thickness over clearance"),
+        _real("film_thickness", "point snapshot bearing theta", f"film thickness {OWN}"),
         _flag(
             "unexplained",
             "point",
@@ -381,9 +418,7 @@ TORI = GroupSpec(
             "incomplete",
             "complete",
         ),
-        _real(
-            "section_curve", "point curve coordinate", "invariant curve of the master nodes over clearance"
-        ),
+        _real("section_curve", "point curve coordinate", f"invariant curve of the master nodes {ROTOR}"),
         *_extremes("the torus"),
         _count("newton_iterations", "point", "Newton-Picard iterations"),
         _count("steps_per_period", "point", "time steps of one period"),
@@ -540,8 +575,8 @@ REFINEMENT = GroupSpec(
         _count("turns", "refined", "excitation periods of the cycle"),
         _real("speed", "refined", "rotating speed of the stored point, dimensionless"),
         _real("excitation_frequency", "refined", "excitation frequency of the stored point, dimensionless"),
-        _real("displacement", "refined", "ring displacement of the stored point over clearance"),
-        _real("foil_stiffness", "refined", "foil stiffness of the stored point, dimensionless"),
+        _real("displacement", "refined", f"ring displacement of the stored point {RING}"),
+        _real("foil_stiffness", "refined", f"foil stiffness of the stored point {FOIL}"),
         _flag("held", "refined", "parameter that all grids share", *PARAMETERS),
         _flag("free", "refined", "parameter whose value the grids tell", *PARAMETERS),
         _real("value", "refined", "stored value of the free parameter"),
@@ -630,13 +665,13 @@ TRANSIENT = GroupSpec(
         _real("time", "sample", "time since the start of the run, dimensionless"),
         _real("speed", "sample", "rotating speed, dimensionless"),
         _real("angle", "sample", "rotation angle", "rad"),
-        _real("ring_displacement", "sample", "largest vertical displacement of the ring over clearance"),
-        _real("displacement", "sample coordinate", "displacement of the master nodes over clearance"),
-        _real("journal", "sample bearing axis", "journal centre (x, y) over the bearing's own clearance"),
+        _real("ring_displacement", "sample", f"largest vertical displacement of the ring {RING}"),
+        _real("displacement", "sample coordinate", f"displacement of the master nodes {ROTOR}"),
+        _real("journal", "sample bearing axis", f"journal centre (x, y) {OWN}"),
         _real(
             "minimum_film",
             "sample bearing",
-            "smallest film thickness since the sample before, over the bearing's own clearance",
+            f"smallest film thickness since the sample before, {OWN}",
         ),
         _real(
             "minimum_pressure",
@@ -651,12 +686,12 @@ TRANSIENT = GroupSpec(
         _real(
             "minimum_foil",
             "sample bearing",
-            "smallest foil displacement since the sample before, over the bearing's own clearance",
+            f"smallest foil displacement since the sample before, {OWN}",
         ),
         _real(
             "maximum_foil",
             "sample bearing",
-            "largest foil displacement since the sample before, over the bearing's own clearance",
+            f"largest foil displacement since the sample before, {OWN}",
         ),
         _real("checkpoint_time", "checkpoint", "time of the checkpoint, dimensionless"),
         _real("checkpoint_step", "checkpoint", "time steps done at the checkpoint"),
@@ -695,36 +730,44 @@ TRANSIENT_ANALYSIS = GroupSpec(
         _real(
             "envelope_low",
             "window bearing axis",
-            "smallest journal coordinate in the window, over the bearing's own clearance",
+            f"smallest journal coordinate in the window, {OWN}",
         ),
         _real(
             "envelope_high",
             "window bearing axis",
-            "largest journal coordinate in the window, over the bearing's own clearance",
+            f"largest journal coordinate in the window, {OWN}",
         ),
         _real("mode_frequency", "mode", "frequency of the modes of the free condensed rotor at rest"),
         _count("mode_multiplicity", "mode", "shapes of this frequency, which count together"),
-        _real("kinetic_energy", "window mode", "mean kinetic energy in the window, over p0 R L c"),
-        _real("strain_energy", "window mode", "mean strain energy in the window, over p0 R L c"),
+        _real(
+            "kinetic_energy",
+            "window mode",
+            "mean kinetic energy in the window, over p0 R L c of the first bearing",
+        ),
+        _real(
+            "strain_energy",
+            "window mode",
+            "mean strain energy in the window, over p0 R L c of the first bearing",
+        ),
         _real("ring_section_time", "ring_section", "times at which the rings begin a period"),
         _real("ring_section_speed", "ring_section", "rotating speed there, dimensionless"),
         _real(
             "ring_section_journal",
             "ring_section bearing axis",
-            "journal centre there over the bearing's own clearance",
+            f"journal centre there {OWN}",
         ),
         _real("rotation_section_time", "rotation_section", "times at which the rotor begins a turn"),
         _real("rotation_section_speed", "rotation_section", "rotating speed there, dimensionless"),
         _real(
             "rotation_section_journal",
             "rotation_section bearing axis",
-            "journal centre there over the bearing's own clearance",
+            f"journal centre there {OWN}",
         ),
         _real("frequency", "frequency", "frequency of the spectrum, dimensionless"),
         _real(
             "spectrum",
             "frequency bearing axis",
-            "amplitude of the journal at the steady end of the run, over the bearing's own clearance",
+            f"amplitude of the journal at the steady end of the run, {OWN}",
         ),
         _real("piece_time", "piece", "time in the middle of the piece, dimensionless"),
         _real("piece_speed", "piece", "rotating speed in the middle of the piece, dimensionless"),
@@ -732,7 +775,7 @@ TRANSIENT_ANALYSIS = GroupSpec(
         _real(
             "waterfall",
             "piece piece_frequency bearing axis",
-            "amplitude of the journal in the piece, over the bearing's own clearance",
+            f"amplitude of the journal in the piece, {OWN}",
         ),
         _flag(
             "motion",

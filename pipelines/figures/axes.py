@@ -23,12 +23,18 @@ Conversion = Callable[[ArrayLike], ArrayLike]
 
 @dataclass(frozen=True)
 class Scales:
-    """Dimensional value of one dimensionless unit."""
+    """Dimensional value of one dimensionless unit, as the first bearing makes it."""
 
     rpm: float  # of a rotating speed [rev/min]
     hertz: float  # of a frequency [Hz]
-    micrometres: float  # of a displacement [um]
+    micrometres: float  # of a displacement of the rotor [um]
     stiffness: float  # of an areal stiffness [GN/m3]
+    bearings_differ: bool = False  # in clearance: then lengths and stiffnesses are said to be of bearing 1
+
+
+def seconds(scales: Scales) -> float:
+    """Seconds in a unit of time."""
+    return 1.0 / (2.0 * np.pi * scales.hertz)
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,13 @@ class ParameterAxis:
     title: str
     scale: Literal["rpm", "hertz", "micrometres", "stiffness"]  # field of Scales
     dimensional_label: str
+
+    def dimensional(self, scales: Scales) -> tuple[float, str]:
+        """Factor and label of the dimensional axis."""
+        label = self.dimensional_label
+        if scales.bearings_differ and self.scale in ("micrometres", "stiffness"):
+            label = label.replace(" [", ", bearing 1 [")
+        return float(getattr(scales, self.scale)), label
 
     @property
     def label(self) -> str:
@@ -66,7 +79,7 @@ def add_parameter_axis(
     if bottom:
         axes.set_xlabel(axis.label)
     if top:
-        add_top(axes, float(getattr(scales, axis.scale)), axis.dimensional_label)
+        add_top(axes, *axis.dimensional(scales))
 
 
 def add_top(axes: Axes, factor: float, label: str) -> None:
@@ -76,9 +89,9 @@ def add_top(axes: Axes, factor: float, label: str) -> None:
     second.xaxis.set_major_locator(MaxNLocator(TICKS))
 
 
-def add_right(axes: Axes, factor: float, label: str) -> None:
-    """Second y axis: ``factor`` times the first."""
-    second = axes.secondary_yaxis("right", functions=_proportional(factor))
+def add_right(axes: Axes, factor: float, label: str, place: float = 1.0) -> None:
+    """Second y axis: ``factor`` times the first, at ``place`` of the width of the axes."""
+    second = axes.secondary_yaxis(place, functions=_proportional(factor))
     second.set_ylabel(label)
 
 

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, add_right, limits
+from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, limits
 from pipelines.figures.contents import CaseView, Table, stable_points
 from pipelines.figures.refinement import draw_bar, event_bars, legend_handles
 
@@ -131,7 +131,7 @@ def draw_bifurcation_diagram(
     panels = figure.subplots(3, 1, sharex=True)
     quantities = (envelope(1), envelope(0), largest_eccentricity)
     labels = (r"vertical $\bar{y}_j$ [–]", r"horizontal $\bar{x}_j$ [–]", r"$\max\,|\bar{r}_j|$ [–]")
-    twins = ("vertical [µm]", "horizontal [µm]", "eccentricity [µm]")
+    twins = ("vertical", "horizontal", "eccentricity")
     for axes, quantity, label, twin in zip(panels, quantities, labels, twins, strict=True):
         drawn = [
             values
@@ -144,7 +144,7 @@ def draw_bifurcation_diagram(
                 _draw_errors(axes, branch, parameter, quantity(case, branch, bearing), refinement)
         axes.set_ylim(*limits(np.concatenate(drawn), 0.08))
         axes.set_ylabel(label)
-        add_right(axes, case.scales.micrometres, twin)
+        case.add_micrometres(axes, twin)
     panels[0].set_xlim(*limits(np.concatenate([branch[parameter] for branch in branches]), 0.03))
     add_parameter_axis(panels[0], parameter, case.scales, bottom=False)
     add_parameter_axis(panels[-1], parameter, case.scales, top=False)
@@ -161,20 +161,23 @@ Quantity = Callable[[CaseView, Table, int], NDArray[np.float64]]
 
 
 def envelope(axis: int) -> Quantity:
-    """Quantity (point, 2): largest and smallest journal coordinate of each cycle (axis 0: x, 1: y)."""
+    """Quantity (point, 2): largest and smallest journal coordinate of each cycle (axis 0: x, 1: y) over the
+    bearing's own clearance.
+    """
 
     def quantity(case: CaseView, branch: Table, bearing: int) -> NDArray[np.float64]:
-        column = case.journal_coordinates(bearing)[axis]
-        return np.column_stack([branch["orbit_maximum"][:, column], branch["orbit_minimum"][:, column]])
+        extremes = [case.journal(branch[name], bearing) for name in ("orbit_maximum", "orbit_minimum")]
+        return np.column_stack([extreme[:, axis] for extreme in extremes])
 
     return quantity
 
 
 def largest_eccentricity(case: CaseView, branch: Table, bearing: int) -> NDArray[np.float64]:
-    """Quantity (point, 1): largest distance of the journal from the bearing centre in each cycle."""
-    x, y = case.journal_coordinates(bearing)
-    orbit = branch["orbit"]
-    return np.asarray(np.hypot(orbit[:, :, x], orbit[:, :, y]).max(axis=1)[:, None])
+    """Quantity (point, 1): largest distance of the journal from the bearing centre in each cycle, over the
+    bearing's own clearance.
+    """
+    orbit = case.journal(branch["orbit"], bearing)
+    return np.asarray(np.hypot(orbit[..., 0], orbit[..., 1]).max(axis=1)[:, None])
 
 
 def _draw_curve(

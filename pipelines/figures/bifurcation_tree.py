@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, add_right, limits
+from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, limits
 from pipelines.figures.bifurcation_diagram import (
     Curve,
     draw_threaded,
@@ -49,7 +49,7 @@ def draw_bifurcation_tree(
     if magnified and doubled is not None:
         _magnify(panels, curves, limits(doubled, MARGIN))
     for panel in panels:
-        add_right(panel, case.scales.micrometres, "[µm]")
+        case.add_micrometres(panel, "", 0)
     add_parameter_axis(panels[0], parameter, case.scales, bottom=False)
     add_parameter_axis(panels[-1], parameter, case.scales, top=False)
     style.legend_below(figure, _legend(branches), 5)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
@@ -24,13 +25,21 @@ from pipelines.figures.axes import (
 )
 from pipelines.figures.contents import CaseView, Table
 
-DAMPING_MAP = "cividis"
+DAMPING_MAP = colormaps["cividis"].with_extremes(under=style.VERMILION)
 LARGEST_DAMPING = 0.5  # modes damped more than this are no criticals
-SHAPES = 4  # mode shapes drawn
+SHAPES = 4  # mode shapes in a row
+MOST_SHAPES = 12
 LINES: dict[str, Any] = {"forward": "-", "backward": (0, (4, 1.5)), "mixed": ":"}
 # Colour changes from segment to segment, so dashes are cut out of the whole line in white.
 GAPS: dict[str, Any] = {"backward": (0, (1.2, 3.5)), "mixed": (0, (0.9, 0.9))}
 DIRECTION_COLOURS = {"forward": style.BLUE, "backward": style.VERMILION, "mixed": style.PURPLE}
+END: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "|",
+    "markersize": 6,
+    "color": "#333333",
+    "markeredgewidth": 1.0,
+}
 OBLIQUE = 0.1  # how far along the rotor a horizontal displacement of 1 is drawn, over its length
 RESONANCE_MARKS = {
     "principal": ("D", style.VERMILION, r"$2\bar{\Omega}_j/n$"),
@@ -42,14 +51,22 @@ RESONANCE_MARKS = {
 @style.in_style
 def draw_campbell(case: CaseView, criticals: Table) -> Figure:
     """Frequencies coloured by damping with the critical speeds, their mode shapes, predicted resonances."""
-    shapes = min(SHAPES, len(criticals["critical_speed"]))
+    shapes = min(MOST_SHAPES, len(criticals["critical_speed"]))
+    rows = -(-shapes // SHAPES)
     resonances = len(criticals["resonance_frequency"]) if "resonance_frequency" in criticals else 0
-    ratios = [3.4] + ([1.25] if shapes else []) + ([1.1] if resonances else [])
+    ratios = [3.4] + ([1.25 * rows] if shapes else []) + ([1.1] if resonances else [])
     figure = style.new_figure(1.1 + 1.35 * sum(ratios))
     panels = figure.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
     style.legend_below(panels[0], _draw_frequencies(panels[0].subplots(), case, criticals))
     if shapes:
-        _draw_shapes(np.atleast_1d(panels[1].subplots(1, shapes, sharey=True)), case, criticals)
+        grid = panels[1].subplots(rows, min(SHAPES, shapes), sharex=True, sharey=True, squeeze=False)
+        _draw_shapes(grid.ravel()[:shapes], case, criticals)
+        for axes in grid.ravel()[shapes:]:
+            axes.set_axis_off()
+        for axes in grid[-1]:
+            axes.set_xlabel("along the rotor [mm]")
+        for axes in grid[:, 0]:
+            axes.set_ylabel("mode shape [–]")
     if resonances:
         _draw_resonances(panels[-1].subplots(), case, criticals)
     return style.finish(figure, f"{case.name}: Campbell diagram", case.note)
@@ -79,23 +96,41 @@ def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> list[Arti
     axes.plot([0.0, top], [0.0, top], color="#666666", linewidth=0.8, linestyle="-.")
     axes.set_xlim(*limits(speed, 0.0))
     axes.set_ylim(0.0, 1.04 * top)
+    ends = np.concatenate([inner_ends(speed, frequency[:, mode], top) for mode in range(frequency.shape[1])])
+    axes.plot(*ends.T, **END)
     _mark_criticals(axes, criticals)
     axes.set_ylabel(r"natural frequency Im $\lambda$ [–]")
     add_parameter_axis(axes, "speed", case.scales)
     add_right(axes, case.scales.hertz, "natural frequency [Hz]")
     if lines is not None:
-        bar = axes.figure.colorbar(lines, ax=axes, extend="max", pad=0.02, aspect=25)
-        bar.set_label("damping ratio [–]")
+        bar = axes.figure.colorbar(lines, ax=axes, extend="both", pad=0.02, aspect=25)
+        bar.set_label("damping ratio [–], below 0 unstable")
     handles: list[Artist] = [
         Line2D([], [], color="#333333", linestyle=LINES[name], label=name) for name in LINES
     ]
     handles.append(Line2D([], [], color="#666666", linewidth=0.8, linestyle="-.", label="synchronous"))
     handles.append(_critical_handle())
+    if np.any(damping < 0.0):
+        handles.append(Line2D([], [], color=style.VERMILION, label="unstable"))
+    if len(ends):
+        handles.append(Line2D([], [], label="hardly oscillates beyond", **END))
     present = np.isfinite(frequency).any(axis=1)
     if not present.all():
         shade_gaps(axes, speed, present)
         handles.append(gap_handle("no equilibrium"))
     return handles
+
+
+def inner_ends(speed: NDArray[np.float64], frequency: NDArray[np.float64], top: float) -> NDArray[np.float64]:
+    """Where a line below ``top`` begins or ends inside the range of speeds, (ends, 2): beyond, its mode
+    is damped too much to be followed, or the speed has no equilibrium.
+    """
+    known = np.isfinite(frequency)
+    alone = np.zeros(len(speed), dtype=bool)
+    alone[1:] |= known[1:] & ~known[:-1]
+    alone[:-1] |= known[:-1] & ~known[1:]
+    chosen = alone & (frequency < top)
+    return np.column_stack([speed[chosen], frequency[chosen]])
 
 
 def stretches(values: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -169,8 +204,6 @@ def _draw_shapes(panels: NDArray[np.object_], case: CaseView, criticals: Table) 
         axes.set_ylim(-1.15, 1.15)
         axes.set_yticks((-1.0, 0.0, 1.0))
         axes.xaxis.set_major_locator(MaxNLocator(4))
-        axes.set_xlabel("along the rotor [mm]")
-    panels[0].set_ylabel("mode shape [–]")
 
 
 def largest_deflection(shape: NDArray[np.complex128]) -> NDArray[np.complex128]:

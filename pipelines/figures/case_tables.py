@@ -96,20 +96,22 @@ def _table(store: Store, case: str, name: str) -> Table:
 
 def _case_view(store: Store, case: str, groups: Collection[str]) -> CaseView:
     attributes = case_attributes(store, case)
+    machine = _table(store, case, "machine") if "machine" in groups else Table({})
     return CaseView(
         name=str(attributes.get("name") or case),
         note=str(attributes.get("reconstruction") or ""),
-        scales=_scales(attributes["scales"]),
-        machine=_table(store, case, "machine") if "machine" in groups else Table({}),
+        scales=_scales(attributes["scales"], len(set(machine.optional("bearing_clearance").tolist())) > 1),
+        machine=machine,
         parameters=attributes.get("parameters") or {},
     )
 
 
-def _scales(stored: Mapping[str, Any]) -> Scales:
+def _scales(stored: Mapping[str, Any], bearings_differ: bool) -> Scales:
     """Scales of the axes from those of the case, which are in SI units."""
     return Scales(
         rpm=stored["speed_rpm_per_unit"],
         hertz=stored["hertz_per_unit"],
         micrometres=1e6 * stored["displacement"],
         stiffness=1e-9 * stored["pressure"] / stored["displacement"],
+        bearings_differ=bearings_differ,
     )

@@ -45,7 +45,10 @@ def draw_condensation(case: CaseView, criticals: Table) -> Figure:
     handles = _draw_unbalance(figure.add_subplot(grid[1, 1]), case, criticals)
     bars = [Patch(color=style.BLUE, label="full"), Patch(color=style.ORANGE, label="condensed")]
     style.legend_below(figure, [*bars, *handles], 7)
-    return style.finish(figure, f"{case.name}: full and condensed rotor", case.note)
+    title, error = f"{case.name}: full and condensed rotor", criticals.attributes.get("condensation_error")
+    if error is not None:
+        title += f", modes below the highest speed up to {100.0 * error:.2g} % off"
+    return style.finish(figure, title, case.note)
 
 
 def _draw_bars(axes: Axes, full: FloatArray, condensed: FloatArray, label: str, deviation: bool) -> None:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pipelines.figures.axes import Scales
+from pipelines.figures.axes import Scales, add_right
 
 
 class MissingDataError(Exception):
@@ -56,10 +57,40 @@ class CaseView:
         return len(self.machine["bearing_node"])
 
     def journal_coordinates(self, bearing: int) -> tuple[int, int]:
-        """Columns of x and y of a journal among the coordinates of the masters (x, y of each in order)."""
-        masters = self.machine["master_node"]
-        place = int(np.flatnonzero(masters == self.machine["bearing_node"][bearing])[0])
-        return 2 * place, 2 * place + 1
+        """Columns of x and y of a journal among the coordinates of the masters (x, y of each in order, and
+        the slopes where they are kept).
+        """
+        journal = self.machine["bearing_node"][bearing]
+        before, slopes = self.machine["master_node"] < journal, self.machine.optional("slope_node") < journal
+        first = 2 * (int(before.sum()) + int(slopes.sum()))
+        return first, first + 1
+
+    def clearance(self, bearing: int) -> float:
+        """A bearing's own clearance [µm], by which its film and the motion of its journal are measured."""
+        return float(1e6 * self.machine["bearing_clearance"][bearing])
+
+    def journal(self, coordinates: NDArray[np.float64], bearing: int) -> NDArray[np.float64]:
+        """x and y of a journal over its own clearance (..., 2), from coordinates of the masters (...,
+        coordinate), which are over the clearance of the first bearing.
+        """
+        own = coordinates[..., list(self.journal_coordinates(bearing))]
+        return np.asarray(own / (self.clearance(bearing) / self.clearance(0)))
+
+    def add_micrometres(
+        self, axes: Axes, label: str, bearing: int | None = None, apart: float = 0.11
+    ) -> None:
+        """Second y axis in µm beside one in clearances of a bearing; of all of them, one axis for every
+        different clearance, ``apart`` in widths of the axes. ``label`` without unit.
+        """
+        if bearing is not None:
+            add_right(axes, self.clearance(bearing), f"{label} [µm]".strip())
+            return
+        clearances = [self.clearance(own) for own in range(self.bearings)]
+        different = sorted(set(clearances), key=clearances.index)
+        for number, clearance in enumerate(different):
+            owner = f", bearing {clearances.index(clearance) + 1}" if len(different) > 1 else ""
+            text = f"{label}{owner} [µm]".removeprefix(", ").strip()
+            add_right(axes, clearance, text, 1.0 + apart * number)
 
 
 @dataclass(frozen=True)

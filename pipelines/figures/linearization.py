@@ -1,4 +1,7 @@
-"""Equilibria along the speed: eigenvalues, instability, bearing coefficients, static journal locus."""
+"""Equilibria along the speed: eigenvalues, instability, bearing coefficients, static journal locus.
+
+Coefficients of a bearing are over p0 R L/c and p0 R L t0/c of its own; t0 is that of the machine.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ from pipelines.figures.axes import (
     clearance_circle,
     gap_handle,
     limits,
+    seconds,
     shade_gaps,
 )
 from pipelines.figures.contents import CaseView, Table
@@ -31,20 +35,22 @@ RATIO_LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)), ":", "-.")
 @style.in_style
 def draw_linearization(case: CaseView, linear: Table) -> Figure:
     """Growth and frequency of the leading eigenvalues, journal locus, bearing coefficients."""
-    figure = style.new_figure(7.6)
-    panels = figure.subplots(3, 2)
+    figure = style.new_figure(5.2 + 2.2 * case.bearings)
+    panels = figure.subplots(2 + case.bearings, 2)
     _draw_eigenvalues(panels[0, 0], panels[0, 1], linear)
     _draw_locus(panels[1, 0], case, linear)
     _draw_minimum_film(panels[1, 1], case, linear)
-    _draw_coefficients(panels[2, 0], linear, "bearing_stiffness", "stiffness", "K")
-    _draw_coefficients(panels[2, 1], linear, "bearing_damping", "damping", "C")
-    for row, column in ((0, 0), (0, 1)):
-        add_parameter_axis(panels[row, column], "speed", case.scales)
-    for axes in (panels[1, 1], panels[2, 0], panels[2, 1]):
-        add_parameter_axis(axes, "speed", case.scales, top=False)
-    along_speed = [panels[0, 0], panels[0, 1], panels[1, 1], panels[2, 0], panels[2, 1]]
-    _mark_instability(along_speed, linear)
-    for axes in along_speed:
+    for bearing, (stiffness, damping) in enumerate(panels[2:]):
+        newton = newton_per_metre(case, bearing)
+        _draw_coefficients(stiffness, linear, bearing, "stiffness", r"$\bar{K}$")
+        add_right(stiffness, 1e-6 * newton, "[MN/m]")
+        _draw_coefficients(damping, linear, bearing, "damping", r"$\bar{C}$")
+        add_right(damping, 1e-3 * newton * seconds(case.scales), "[kN s/m]")
+    over_speed = [panels[0, 0], panels[0, 1], panels[1, 1], *panels[2:].flat]
+    for number, axes in enumerate(over_speed):
+        add_parameter_axis(axes, "speed", case.scales, top=number < 2)
+    _mark_instability(over_speed, linear)
+    for axes in over_speed:
         shade_gaps(axes, linear["speed"], _has_equilibrium(linear))
     style.legend_below(figure, _legend(case, linear))
     instability = instability_speed(linear)
@@ -121,12 +127,22 @@ def _draw_minimum_film(axes: Axes, case: CaseView, linear: Table) -> None:
     axes.set_ylabel(r"minimum film $\bar{h}$ [–]")
     axes.set_ylim(0.0, limits(linear["minimum_film"], 0.1)[1])
     axes.set_xlim(*limits(linear["speed"], 0.03))
-    add_right(axes, case.scales.micrometres, "[µm]")
+    case.add_micrometres(axes, "", apart=0.27)
 
 
-def _draw_coefficients(axes: Axes, linear: Table, array: str, title: str, letter: str) -> None:
-    """Coefficients of the first bearing, one colour each, one dash per whirl ratio."""
-    values = linear[array][:, :, 0]
+def newton_per_metre(case: CaseView, bearing: int) -> float:
+    """p0 R L/c [N/m] of a bearing, in which its stiffness is stored."""
+    radius, length, clearance = (
+        float(case.machine[f"bearing_{name}"][bearing]) for name in ("radius", "length", "clearance")
+    )
+    # k_bar = k c/p0 with the clearance of the first bearing
+    pressure = 1e9 * case.scales.stiffness * 1e-6 * case.scales.micrometres
+    return pressure * radius * length / clearance
+
+
+def _draw_coefficients(axes: Axes, linear: Table, bearing: int, title: str, symbol: str) -> None:
+    """Coefficients of one bearing, one colour each, one dash per whirl ratio."""
+    values = linear[f"bearing_{title}"][:, :, bearing]
     for number, (_, row, column) in enumerate(COEFFICIENTS):
         for ratio in range(values.shape[1]):
             axes.plot(
@@ -136,9 +152,9 @@ def _draw_coefficients(axes: Axes, linear: Table, array: str, title: str, letter
                 linestyle=RATIO_LINES[ratio % len(RATIO_LINES)],
             )
     axes.axhline(0.0, color="#666666", linewidth=0.6)
-    axes.set_ylabel(rf"{title} $\bar{{{letter}}}$ [–]")
+    axes.set_ylabel(f"{title} {symbol} [–]")
     axes.set_xlim(*limits(linear["speed"], 0.03))
-    axes.set_title(f"{title} of bearing 1")
+    axes.set_title(f"{title} of bearing {bearing + 1}")
 
 
 def _mark_instability(panels: list[Axes], linear: Table) -> None:

@@ -12,7 +12,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import PARAMETER_AXES, add_right, clearance_circle, limits
+from pipelines.figures.axes import PARAMETER_AXES, clearance_circle, limits
 from pipelines.figures.contents import CaseView, Table, branch_title, stable_points
 
 CYCLES = 4  # cycles drawn together
@@ -52,7 +52,7 @@ def draw_orbits(case: CaseView, parameter: str, branch: Table, name: str) -> Fig
         film.set(title="minimum film thickness", xlim=(0.0, 1.0), ylabel=r"$\min\,\bar{h}$ [–]")
         film.set_xticks(PHASE_TICKS)
         film.set_ylim(0.0, limits(branch["minimum_film_trace"][representative_points(branch)], 0.12)[1])
-        add_right(film, case.scales.micrometres, "[µm]")
+        case.add_micrometres(film, "", bearing)
     for axes, label in zip(
         panels[-1], (r"$\bar{x}_j$ [–]", r"$\bar{x}_j$ [–]", r"$\tau/T$ [–]"), strict=True
     ):
@@ -84,12 +84,11 @@ def _looks(branch: Table, parameter: str) -> list[dict[str, Any]]:
 def _draw_orbit(
     panels: tuple[Axes, ...], case: CaseView, branch: Table, point: int, bearing: int, look: dict[str, Any]
 ) -> None:
-    x, y = case.journal_coordinates(bearing)
-    orbit = branch["orbit"][point]
+    orbit = case.journal(branch["orbit"][point], bearing)
     closed = np.vstack([orbit, orbit[:1]])
     for axes in panels:
-        axes.plot(closed[:, x], closed[:, y], **look)
-    panels[-1].plot(closed[0, x], closed[0, y], marker="o", markersize=3, color=look["color"])
+        axes.plot(*closed.T, **look)
+    panels[-1].plot(*closed[0], marker="o", markersize=3, color=look["color"])
 
 
 def _draw_minimum_film(axes: Axes, branch: Table, point: int, bearing: int, look: dict[str, Any]) -> None:
@@ -140,8 +139,9 @@ def draw_film(case: CaseView, parameter: str, branch: Table, name: str, point: i
     for bearing in range(case.bearings):
         panels[0, bearing].set_title(f"bearing {bearing + 1}")
         panels[-1, bearing].set_xlabel(r"angle $\theta$ [°]")
-    add_right(panels[1, -1], case.scales.micrometres, "foil [µm]")
-    add_right(panels[2, -1], case.scales.micrometres, "film thickness [µm]")
+        if bearing == case.bearings - 1 or case.clearance(bearing) != case.clearance(case.bearings - 1):
+            case.add_micrometres(panels[1, bearing], "foil", bearing)
+            case.add_micrometres(panels[2, bearing], "film thickness", bearing)
     style.legend_below(figure, panels[0, 0].get_legend_handles_labels()[0])
     symbol, value = PARAMETER_AXES[parameter].symbol, float(branch[parameter][point])
     state = "stable" if stable_points(branch)[point] else "unstable"

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import add_right, limits
+from pipelines.figures.axes import limits
 from pipelines.figures.bifurcation_diagram import (
     EVENT_MARKS,
     draw_threaded,
@@ -28,7 +28,7 @@ from pipelines.figures.bifurcation_diagram import (
     turns_colour,
 )
 from pipelines.figures.contents import CaseView, MissingDataError, Table, excitation_periods
-from pipelines.figures.runs import AXIS_LABELS, RunView, bearing_title, clearances, label_along
+from pipelines.figures.runs import AXIS_LABELS, RunView, bearing_title, label_along
 
 VERTICAL = 1
 LEADING = 4  # moduli drawn
@@ -117,7 +117,7 @@ def _draw_chart(axes: Axes, case: CaseView, run: RunView, cycles: Sequence[Table
     values += [value for branch in cycles for value in _draw_cycles(axes, case, branch, bearing)]
     axes.set_ylim(*limits(np.concatenate(values), 0.08))
     axes.set_ylabel(AXIS_LABELS[VERTICAL])
-    add_right(axes, float(clearances(case)[bearing]), "vertical [µm]")
+    case.add_micrometres(axes, "vertical", bearing)
 
 
 def _draw_run(
@@ -134,9 +134,8 @@ def _draw_run(
 
 
 def _draw_cycles(axes: Axes, case: CaseView, branch: Table, bearing: int) -> list[NDArray[np.float64]]:
-    """Envelope of the cycles in clearances of the bearing, dashed where they are unstable."""
-    ratio = clearances(case)[bearing] / clearances(case)[0]
-    curve = thread_events(branch, "speed", envelope(VERTICAL)(case, branch, bearing) / ratio)
+    """Envelope of the cycles, dashed where they are unstable."""
+    curve = thread_events(branch, "speed", envelope(VERTICAL)(case, branch, bearing))
     draw_threaded(axes, curve, branch, {"color": turns_colour(excitation_periods(branch))})
     return list(curve.values.T)
 
@@ -203,7 +202,7 @@ def draw_unbalance(case: CaseView, views: Sequence[RunView]) -> Figure:
             values += _draw_run(axes, view, bearing, style.CYCLE[number % len(style.CYCLE)], 0.3, label)
         axes.set_ylim(*limits(np.concatenate(values), 0.08))
         axes.set(ylabel=AXIS_LABELS[VERTICAL], title=bearing_title(bearing))
-        add_right(axes, float(clearances(case)[bearing]), "vertical [µm]")
+        case.add_micrometres(axes, "vertical", bearing)
     over_speed = chosen[0].over_speed
     panels[0].set_xlim(*limits(np.concatenate([view.along("window") for view in chosen]), 0.01))
     label_along(panels[0], over_speed, case.scales, bottom=False)

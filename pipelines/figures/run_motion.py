@@ -12,16 +12,14 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import add_right, add_top, clearance_circle, limits
+from pipelines.figures.axes import add_right, add_top, clearance_circle, limits, seconds
 from pipelines.figures.contents import CaseView
 from pipelines.figures.runs import (
     AXIS_COLOURS,
     AXIS_LABELS,
     RunView,
     bearing_title,
-    clearances,
     label_along,
-    seconds,
 )
 
 VERTICAL = 1
@@ -90,7 +88,7 @@ def draw_spectrum(case: CaseView, run: RunView) -> Figure:
             axes.axvline(value, color=colour, linestyle=":", linewidth=1.1, label=label, zorder=0)
         axes.set_ylim(0.3 * largest * 10.0 ** (-DECADES - 2.0), 3.0 * largest)
         axes.set(ylabel="amplitude [–]", title=bearing_title(bearing), xlim=(0.0, frequency[-1]))
-        add_right(axes, float(clearances(case)[bearing]), "amplitude [µm]")
+        case.add_micrometres(axes, "amplitude", bearing)
     panels[-1].set_xlabel(FREQUENCY_LABEL)
     add_top(panels[0], case.scales.hertz, "frequency [Hz]")
     style.legend_below(figure, panels[0].get_legend_handles_labels()[0], 4)

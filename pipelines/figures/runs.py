@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import Scales, add_parameter_axis, add_top
-from pipelines.figures.contents import CaseView, MissingDataError, Table
+from pipelines.figures.axes import Scales, add_parameter_axis, add_top, seconds
+from pipelines.figures.contents import MissingDataError, Table
 
 SAME_SPEED = 1e-9
 # Part of the analysis by the first word of its arrays.
@@ -117,16 +117,6 @@ def label_along(axes: Axes, over_speed: bool, scales: Scales, bottom: bool = Tru
         axes.set_xlabel(r"time $\tau$ [–]")
     if top:
         add_top(axes, seconds(scales), "time [s]")
-
-
-def seconds(scales: Scales) -> float:
-    """Seconds in a unit of time."""
-    return 1.0 / (2.0 * np.pi * scales.hertz)
-
-
-def clearances(case: CaseView) -> NDArray[np.float64]:
-    """Clearances of the bearings (bearing,) in micrometres."""
-    return np.asarray(1e6 * case.machine["bearing_clearance"])
 
 
 def bearing_title(bearing: int) -> str:

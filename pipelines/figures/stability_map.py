@@ -322,8 +322,8 @@ def _draw_resonances(axes: Axes, view: PlaneView, handles: list[Any]) -> Axes:
 def add_second_axes(axes: Axes, top: Axes, view: PlaneView, case: CaseView) -> None:
     """Dimensional twins of both parameters, that of x on the axes ``top``."""
     horizontal, vertical = PARAMETER_AXES[view.x], PARAMETER_AXES[view.y]
-    add_top(top, float(getattr(case.scales, horizontal.scale)), horizontal.dimensional_label)
-    add_right(axes, float(getattr(case.scales, vertical.scale)), vertical.dimensional_label)
+    add_top(top, *horizontal.dimensional(case.scales))
+    add_right(axes, *vertical.dimensional(case.scales))
 
 
 def _constants(view: PlaneView) -> str:
@@ -333,7 +333,9 @@ def _constants(view: PlaneView) -> str:
         return ""
     fixed = [name for name in ("displacement", "foil_stiffness") if name not in (view.x, view.y)]
     known = [
-        f"{PARAMETER_AXES[name].symbol} = {float(table[name][0]):.4g}" for name in fixed if name in table
+        f"{PARAMETER_AXES[name].symbol} = {float(table[name][0]):.4g}"
+        for name in fixed
+        if name in table and np.isfinite(table[name][0])
     ]
     return " at " + ", ".join(known) if known else ""
 

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, add_right, limits
+from pipelines.figures.axes import PARAMETER_AXES, add_parameter_axis, limits
 from pipelines.figures.bifurcation_diagram import (
     Curve,
     draw_threaded,
@@ -57,7 +57,7 @@ def draw_tori(case: CaseView, parameter: str, tori: Sequence[Table], cycles: Seq
         ]
         axes.set_ylim(*limits(np.concatenate([_inside(curve, interval) for curve in shown]), 0.08))
         axes.set_ylabel(rf"{name} $\bar{{{'xy'[axis]}}}_j$ [–]")
-        add_right(axes, case.scales.micrometres, "[µm]")
+        case.add_micrometres(axes, "")
     for branch in tori:
         turns = np.asarray(branch["rotation"], dtype=float)[:, None] / (2.0 * np.pi)
         _draw(panels[2], branch, parameter, turns, ROTATION_LOOK)
@@ -114,12 +114,11 @@ def draw_section(case: CaseView, parameter: str, tori: Table, name: str) -> Figu
     norm = Normalize(*limits(values[points], 0.0))
     colours = ScalarMappable(norm, style.PARAMETER_MAP)
     for bearing, axes in enumerate(panels):
-        x, y = case.journal_coordinates(bearing)
         for point in points:
-            curve = tori["section_curve"][point]
+            curve = case.journal(tori["section_curve"][point], bearing)
             closed = np.vstack([curve, curve[:1]])
             line = "-" if stable[point] else style.UNSTABLE
-            axes.plot(closed[:, x], closed[:, y], linestyle=line, color=colours.to_rgba(values[point]))
+            axes.plot(*closed.T, linestyle=line, color=colours.to_rgba(values[point]))
         axes.set_aspect("equal", adjustable="datalim")
         axes.margins(0.08)
         axes.set(title=f"bearing {bearing + 1}", xlabel=r"$\bar{x}_j(kT_{ex})$ [–]")

@@ -26,12 +26,16 @@ from .shaft import RotorMatrices, assemble_rotor
 
 @dataclass(frozen=True)
 class Machine:
-    """A rotor on two gas foil bearings; ``parameters`` everywhere follow ``pipelines.case.PARAMETERS``."""
+    """A rotor on two gas foil bearings; ``parameters`` everywhere follow ``pipelines.case.PARAMETERS``.
+
+    ``condensed`` is in SI units, ``scaled`` in those of the state.
+    """
 
     scales: Scales
     bearings: tuple[Bearing, Bearing]
     rotor: RotorMatrices
     condensed: CondensedRotor
+    scaled: CondensedRotor
     space: StateSpace
     journal_freedoms: tuple[int, int]
     constants: Array
@@ -50,7 +54,7 @@ class Machine:
 
     @property
     def rotor_freedoms(self) -> int:
-        """Displacements of the master nodes, x and y of each."""
+        """Freedoms of the master nodes: x and y of each, and its slopes where they are kept."""
         return int(self.layout[rates.ROTOR_SIZE])
 
     def film_unknowns(self, bearing: int) -> slice:
@@ -71,7 +75,9 @@ class Machine:
         return np.asarray(own / self.scales.bearings[bearing].clearance_ratio)
 
     def masters(self, state: Array) -> Array:
-        """Displacements x, y of the master nodes, in units of the machine's displacement scale."""
+        """Displacements x, y of the master nodes, in units of the machine's displacement scale c, and slopes
+        where they are kept, in units of c/L of the first bearing.
+        """
         return state[..., self.rotor_start : self.rotor_start + self.rotor_freedoms]
 
     def rates(self, phase: float, state: Array, parameters: Array) -> Array:
@@ -199,11 +205,12 @@ def build_machine(case: Case) -> Machine:
     """
     scales = Scales.from_case(case)
     rotor = assemble_rotor(case.rotor)
-    condensed = condense(rotor, case.rotor.masters)
-    space = state_space(condensed.scaled(scales.time, scales.displacement, scales.force))
+    condensed = condense(rotor, case.rotor.master_nodes, case.rotor.slope_nodes)
+    length = scales.bearings[0].length
+    scaled = condensed.scaled(scales.time, scales.displacement, scales.force, length)
     settings = [film_settings(case, index) for index in range(rates.BEARINGS)]
     freedoms = (condensed.position(case.bearings[0].node), condensed.position(case.bearings[1].node))
-    return _assembled(scales, settings, rotor, condensed, space, freedoms)
+    return _assembled(scales, settings, rotor, condensed, scaled, freedoms)
 
 
 def with_grid(machine: Machine, circumferential: int, axial: int) -> Machine:
@@ -213,7 +220,7 @@ def with_grid(machine: Machine, circumferential: int, axial: int) -> Machine:
         for bearing in machine.bearings
     ]
     return _assembled(
-        machine.scales, settings, machine.rotor, machine.condensed, machine.space, machine.journal_freedoms
+        machine.scales, settings, machine.rotor, machine.condensed, machine.scaled, machine.journal_freedoms
     )
 
 
@@ -222,9 +229,10 @@ def _assembled(
     settings: Sequence[FilmSettings],
     rotor: RotorMatrices,
     condensed: CondensedRotor,
-    space: StateSpace,
+    scaled: CondensedRotor,
     freedoms: tuple[int, int],
 ) -> Machine:
+    space = state_space(scaled)
     bearings = (pack_bearing(settings[0]), pack_bearing(settings[1], offset=settings[0].unknowns))
     constants, layout = _pack(scales, bearings, space, freedoms)
     state_size = sum(s.unknowns for s in settings) + space.constant.shape[0]
@@ -235,7 +243,7 @@ def _assembled(
         )
         for s in settings
     )
-    return Machine(scales, bearings, rotor, condensed, space, freedoms, constants, layout, work_size)
+    return Machine(scales, bearings, rotor, condensed, scaled, space, freedoms, constants, layout, work_size)
 
 
 def _pack(

@@ -1,17 +1,18 @@
-"""Static (Guyan) condensation of the rotor onto the translations of its master nodes, and its state-space
-form.
+"""Static (Guyan) condensation of the rotor onto its master nodes, and its state-space form.
 
-With the freedoms split into masters m (x, y of the master nodes) and slaves s (everything else), the slaves
-follow the masters as in statics,
+With the freedoms split into masters m (x, y of the master nodes, and alpha, beta of those that keep their
+slopes) and slaves s (everything else), the slaves follow the masters as in statics,
 
     x = T x_m,   T = [I; -K_ss^-1 K_sm]   (rows in the order of the full freedoms)
 
-and the condensed matrices of Eq. 11 are T' A T for A = M, C, G, K; the gravity load is T' F.
+and the condensed matrices of Eq. 11 are T' A T for A = M, C, G, K; the gravity load is T' F. Slaves have no
+inertia of their own: a wheel at an overhung end, which tilts more than its translation makes it, keeps its
+slopes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,13 +30,13 @@ LARGEST_SLAVE_CONDITION = 1e12
 
 @dataclass(frozen=True)
 class CondensedRotor:
-    """The rotor on m master nodes; matrices have shape (2 m, 2 m), freedoms x_1, y_1, ..., x_m, y_m.
+    """The rotor on its master nodes; matrices have shape (n, n), n freedoms x_1, y_1, [alpha_1, beta_1], ...
 
-    ``gyroscopic`` is to be multiplied by the rotating speed. ``transformation`` (4 nodes, 2 m) gives the full
-    displacement from that of the masters; its translations are numbers, its rotations are per metre.
+    ``freedoms`` (n,): their indices in the full freedoms. ``gyroscopic`` is to be multiplied by the rotating
+    speed. ``transformation`` (4 nodes, n) gives the full displacement from that of the masters.
     """
 
-    masters: tuple[int, ...]
+    freedoms: NDArray[np.intp]
     mass: FloatArray
     damping: FloatArray
     gyroscopic: FloatArray
@@ -43,39 +44,52 @@ class CondensedRotor:
     gravity_load: FloatArray
     transformation: FloatArray
 
+    @property
+    def masters(self) -> tuple[int, ...]:
+        """The master nodes."""
+        return tuple(dict.fromkeys((self.freedoms // NODE_FREEDOMS).tolist()))
+
+    @property
+    def slopes(self) -> tuple[int, ...]:
+        """Master nodes that keep their slopes."""
+        return tuple(dict.fromkeys((self.freedoms[is_slope(self.freedoms)] // NODE_FREEDOMS).tolist()))
+
     def position(self, node: int) -> int:
         """Index of the freedom x of a master node, y follows; raises ValueError for another node."""
-        if node not in self.masters:
+        found = np.flatnonzero(self.freedoms == NODE_FREEDOMS * node)
+        if not found.size:
             raise ValueError(f"node {node} is not a master node; the masters are {list(self.masters)}")
-        return 2 * self.masters.index(node)
+        return int(found[0])
 
-    def scaled(self, time: float, displacement: float, force: float) -> CondensedRotor:
+    def scaled(self, time: float, displacement: float, force: float, length: float = 1.0) -> CondensedRotor:
         """The same rotor with times in units of ``time`` [s], displacements of ``displacement`` [m], forces
-        of ``force``.
+        of ``force`` [N] and lengths along the shaft of ``length`` [m].
 
-        The transformation still gives translations in units of ``displacement``; its rotation rows become
-        those of rotations times one metre over ``displacement``. The speed is then in units of 1 / ``time``.
+        Slopes are then in units of ``displacement / length``, and moments of ``force length``. The
+        transformation gives translations in units of ``displacement``; its rotation rows are those of
+        rotations times one metre over ``displacement``. The speed is in units of 1 / ``time``.
         """
-        per_displacement = displacement / force
+        slope = np.where(is_slope(self.freedoms), 1.0 / length, 1.0)
+        both, per_displacement = np.outer(slope, slope), displacement / force
         return CondensedRotor(
-            masters=self.masters,
-            mass=self.mass * (per_displacement / time**2),
-            damping=self.damping * (per_displacement / time),
+            freedoms=self.freedoms,
+            mass=self.mass * both * (per_displacement / time**2),
+            damping=self.damping * both * (per_displacement / time),
             # Omega G: the speed carries one of the two units of 1 / time
-            gyroscopic=self.gyroscopic * (per_displacement / time**2),
-            stiffness=self.stiffness * per_displacement,
-            gravity_load=self.gravity_load / force,
-            transformation=self.transformation,
+            gyroscopic=self.gyroscopic * both * (per_displacement / time**2),
+            stiffness=self.stiffness * both * per_displacement,
+            gravity_load=self.gravity_load * slope / force,
+            transformation=self.transformation * slope,
         )
 
 
 @dataclass(frozen=True)
 class StateSpace:
-    """Eq. 12: y' = (constant + Omega per_speed) y + force_input F + gravity, y = [x_1, y_1, ..., x_m, y_m,
-    velocities].
+    """Eq. 12: y' = (constant + Omega per_speed) y + force_input F + gravity, y = [x_1, y_1, [alpha_1,
+    beta_1], ..., velocities].
 
-    ``constant`` and ``per_speed`` have shape (4 m, 4 m), ``force_input`` (4 m, 2 m): column j is the response
-    to a unit force on master freedom j; ``gravity`` (4 m,).
+    ``constant`` and ``per_speed`` have shape (2 n, 2 n), ``force_input`` (2 n, n): column j is the response
+    to a unit force (or moment) on master freedom j; ``gravity`` (2 n,).
     """
 
     constant: FloatArray
@@ -84,14 +98,26 @@ class StateSpace:
     gravity: FloatArray
 
 
-def master_freedoms(masters: Sequence[int]) -> NDArray[np.intp]:
-    """Indices of x and y of every master node in the full freedoms, shape (2 m,)."""
-    first = NODE_FREEDOMS * np.asarray(masters, dtype=np.intp)
-    return np.stack((first, first + 1), axis=1).ravel()
+def master_freedoms(masters: Sequence[int], slopes: Collection[int] = ()) -> NDArray[np.intp]:
+    """Indices in the full freedoms of x and y of every master node, and of alpha and beta of those whose
+    slopes are kept.
+    """
+    of_node = [range(NODE_FREEDOMS if node in slopes else 2) for node in masters]
+    return np.array(
+        [NODE_FREEDOMS * node + k for node, own in zip(masters, of_node, strict=True) for k in own],
+        dtype=np.intp,
+    )
 
 
-def static_transformation(stiffness: FloatArray, masters: Sequence[int]) -> FloatArray:
-    """T of the module's head, shape (size, 2 m), for a stiffness of shape (size, size).
+def is_slope(freedoms: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which of these full freedoms are rotations."""
+    return np.asarray(freedoms % NODE_FREEDOMS >= 2)
+
+
+def static_transformation(
+    stiffness: FloatArray, masters: Sequence[int], slopes: Collection[int] = ()
+) -> FloatArray:
+    """T of the module's head, shape (size, n), for a stiffness of shape (size, size).
 
     Raises ValueError for no, repeated or unknown masters, and when K_ss is too ill conditioned: the masters
     then do not hold the rotor (one master alone leaves it free to tilt) or the stiffnesses of its parts are
@@ -103,8 +129,12 @@ def static_transformation(stiffness: FloatArray, masters: Sequence[int]) -> Floa
         raise ValueError(
             f"masters must be different nodes from 0 to {size // NODE_FREEDOMS - 1}; given {list(masters)}"
         )
-    master = master_freedoms(masters)
+    master = master_freedoms(masters, slopes)
     slave = np.setdiff1d(np.arange(size), master)
+    transformation = np.zeros((size, master.size))
+    transformation[master, np.arange(master.size)] = 1.0
+    if not slave.size:
+        return transformation
 
     # Scale by the diagonal first: rotations and displacements differ by the square of a length.
     slave_stiffness = stiffness[np.ix_(slave, slave)]
@@ -120,22 +150,23 @@ def static_transformation(stiffness: FloatArray, masters: Sequence[int]) -> Floa
     coupling = scale[:, None] * stiffness[np.ix_(slave, master)]
 
     # x_s = -K_ss^-1 K_sm x_m
-    transformation = np.zeros((size, master.size))
-    transformation[master, np.arange(master.size)] = 1.0
     transformation[slave] = -scale[:, None] * linalg.solve(scaled_stiffness, coupling)
     return transformation
 
 
-def condense(rotor: RotorMatrices, masters: Sequence[int]) -> CondensedRotor:
-    """Condense the rotor onto its masters (Eq. 11); raises ValueError as ``static_transformation`` does."""
-    transformation = static_transformation(rotor.stiffness, masters)
+def condense(rotor: RotorMatrices, masters: Sequence[int], slopes: Collection[int] = ()) -> CondensedRotor:
+    """Condense the rotor onto its masters (Eq. 11), of which those in ``slopes`` keep their rotations too.
+
+    Raises ValueError as ``static_transformation`` does.
+    """
+    transformation = static_transformation(rotor.stiffness, masters, slopes)
 
     def reduced(matrix: FloatArray) -> FloatArray:
         product: FloatArray = transformation.T @ matrix @ transformation
         return product
 
     return CondensedRotor(
-        masters=tuple(masters),
+        freedoms=master_freedoms(masters, slopes),
         mass=reduced(rotor.mass),
         damping=reduced(rotor.damping),
         gyroscopic=reduced(rotor.gyroscopic),

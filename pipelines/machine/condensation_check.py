@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +65,8 @@ def compare_modes(
     bearings: Sequence[LinearBearing],
     modes: int,
     max_damping_ratio: float = 0.5,
+    *,
+    slopes: Collection[int] = (),
 ) -> ModalComparison:
     """Compare the lowest ``modes`` modes at a speed [rad/s]; fewer if either rotor has fewer.
 
@@ -73,7 +75,7 @@ def compare_modes(
     chosen by the assignment with the largest sum of MAC values among the lowest ``2 modes`` condensed modes,
     so that two modes which change their order do not count as an error.
     """
-    condensed = condense(rotor, masters)
+    condensed = condense(rotor, masters, slopes)
     candidates = oscillating_modes(condensed, speed, bearings).lightly_damped(max_damping_ratio, 2 * modes)
     count = min(modes, candidates.eigenvalues.size)
     full = oscillating_modes(rotor, speed, bearings).lightly_damped(max_damping_ratio, count)
@@ -104,6 +106,7 @@ def compare_condensation(
     modal_index: int,
     modes: int = 8,
     max_damping_ratio: float = 0.5,
+    slopes: Collection[int] = (),
 ) -> CondensationComparison:
     """Full against condensed rotor: modes at ``speeds[modal_index]`` and unbalance response over ``speeds``
     [rad/s].
@@ -112,11 +115,13 @@ def compare_condensation(
     constant (2, 2). ``unbalance`` [kg m] per node. Raises ValueError as ``condense`` does, or for a bearing
     that is not on a master.
     """
-    condensed = condense(rotor, masters)
+    condensed = condense(rotor, masters, slopes)
     at_modal_speed = [bearing.at(modal_index) for bearing in bearings]
     modal_speed = float(speeds[modal_index])
     return CondensationComparison(
-        modal=compare_modes(rotor, masters, modal_speed, at_modal_speed, modes, max_damping_ratio),
+        modal=compare_modes(
+            rotor, masters, modal_speed, at_modal_speed, modes, max_damping_ratio, slopes=slopes
+        ),
         modal_speed=modal_speed,
         speeds=np.asarray(speeds, dtype=np.float64),
         unbalance_full=unbalance_response(rotor, speeds, unbalance, bearings),

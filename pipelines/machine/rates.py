@@ -1,7 +1,8 @@
 """Compiled right-hand side of the rotor on two gas foil bearings, and its derivative (Eq. 16).
 
 State s = {p_1 q_1 p_2 q_2 y}: the film pressures and foil displacements of either bearing, then the
-displacements and velocities of the master nodes, y = {x_1 y_1 ... x_n y_n, velocities}:
+displacements and velocities of the master nodes, y = {x_1 y_1 [alpha_1 beta_1] ..., velocities}, slopes
+where they are kept:
 
     dx/dtau = v
     dv/dtau = -M^-1 K x - M^-1 (C + Omega G) v + M^-1 F + g                                           (Eq. 12)

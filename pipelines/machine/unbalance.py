@@ -48,11 +48,11 @@ class UnbalanceMass:
 
 
 def unbalance_acceleration(machine: Machine, masses: Sequence[UnbalanceMass]) -> Array:
-    """A_c and A_s of the module's head, dimensionless, shape (2, 2 masters).
+    """A_c and A_s of the module's head, dimensionless, shape (2, n), n freedoms of the masters.
 
     Raises ValueError for a node that is not on the shaft.
     """
-    scales, condensed = machine.scales, machine.condensed
+    scales, condensed = machine.scales, machine.scaled
     nodes = condensed.transformation.shape[0] // NODE_FREEDOMS
     loads = np.zeros((2, condensed.transformation.shape[0]))
     for mass in masses:

@@ -45,9 +45,9 @@ class CycleShape:
     """
 
     orbit: Array
-    """Displacements of the master nodes, shape (samples, 2 masters)."""
+    """Coordinates of the master nodes, shape (samples, coordinates)."""
     minimum: Array
-    """Smallest value of every displacement over the period, shape (2 masters,)."""
+    """Smallest value of every coordinate over the period, shape (coordinates,)."""
     maximum: Array
     """Largest value, same shape."""
     film_trace: Array

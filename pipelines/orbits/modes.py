@@ -88,7 +88,7 @@ def node_shapes(machine: Machine, vectors: ComplexArray) -> ComplexArray:
     component 1.
     """
     start = machine.rotor_start
-    shapes = translations(machine.condensed, vectors[start : start + machine.rotor_freedoms].T)
+    shapes = translations(machine.scaled, vectors[start : start + machine.rotor_freedoms].T)
     flat = shapes.reshape(vectors.shape[1], -1)
     largest = flat[np.arange(len(flat)), np.argmax(np.abs(flat), axis=1)]
     return np.asarray(shapes / largest[:, None, None])

@@ -31,6 +31,7 @@ from pipelines.orbits.critical_speeds import (
 from pipelines.orbits.equilibrium import machine_equilibrium
 from pipelines.orbits.linear import at_speed, dynamic_stiffness
 from pipelines.stages import missing_speeds
+from pipelines.stages.condensed_modes import LinearBearings, checked_modes
 from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult
 
 Array = NDArray[np.float64]
@@ -66,15 +67,21 @@ def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
         speeds = np.linspace(*table.speed_range, table.points)
         diagram = campbell_diagram(machine, parameters, speeds, visit, table.max_damping_ratio)
         critical = critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
-        comparison = _comparison(machine, parameters, case.case, diagram, visit)
+        linear = _linear_bearings(machine, parameters, case.case, diagram, visit)
     except _StopRequested:
         return StageResult(case.case_id, True, "stopped on request")
     resonances = parametric_resonances([one.speed for one in critical.found], table.orders)
     arrays = _campbell_arrays(diagram) | _critical_arrays(machine, critical.found)
     arrays |= _resonance_arrays(resonances)
-    if comparison is not None:
-        arrays |= _comparison_arrays(machine, comparison)
-    attributes = {"request": request, **_told(diagram, critical, speeds)}
+    attributes: dict[str, Any] = {"condensation_error": None, "caution": ""}
+    if linear is not None:
+        at_operation = int(np.argmin(np.abs(linear.speeds - parameters[0])))
+        arrays |= _comparison_arrays(machine, _comparison(machine, case.case, linear, at_operation))
+        speeds_found = [one.speed for one in critical.found]
+        checked = checked_modes(machine, case.case, linear, at_operation, speeds_found)
+        arrays |= checked.arrays
+        attributes = {"condensation_error": checked.error, "caution": checked.caution}
+    attributes |= {"request": request, **_told(diagram, critical, speeds)}
     write_group(store, group, "criticals", arrays, attributes)
     report(Progress("criticals", case.case_id, total, total))
     return _result(case.case_id, store, group)
@@ -107,10 +114,10 @@ def _told(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> 
     }
 
 
-def _comparison(
+def _linear_bearings(
     machine: Machine, parameters: Array, case: Case, diagram: CampbellDiagram, visit: Any
-) -> CondensationComparison | None:
-    """Full against condensed rotor on the films' synchronous coefficients; None without any equilibrium."""
+) -> LinearBearings | None:
+    """The films' synchronous coefficients along the range; None without any equilibrium."""
     table, scales = case.criticals, machine.scales
     speeds: list[float] = []
     coefficients: list[list[NDArray[np.complex128]]] = []
@@ -128,19 +135,25 @@ def _comparison(
         return None
     complex_stiffness = np.array(coefficients)  # (speeds, bearings, 2, 2), in N/m
     dimensional = np.array(speeds) / scales.time  # rad/s
-    bearings = [
+    bearings = tuple(
         LinearBearing(
             table_of.node,
             complex_stiffness[:, index].real,
             complex_stiffness[:, index].imag / dimensional[:, None, None],
         )
         for index, table_of in enumerate(case.bearings)
-    ]
-    at_operation = int(np.argmin(np.abs(np.array(speeds) - parameters[0])))
+    )
+    return LinearBearings(np.array(speeds), dimensional, bearings)
+
+
+def _comparison(
+    machine: Machine, case: Case, linear: LinearBearings, at_operation: int
+) -> CondensationComparison:
+    """Full against condensed rotor: modes near the operating speed, unbalance response along the range."""
     return compare_condensation(
-        machine.rotor, machine.condensed.masters, bearings, dimensional,
+        machine.rotor, machine.condensed.masters, linear.bearings, linear.dimensional,
         unbalance=_unbalance(machine, case), modal_index=at_operation, modes=COMPARED_MODES,
-        max_damping_ratio=table.max_damping_ratio,
+        max_damping_ratio=case.criticals.max_damping_ratio, slopes=machine.condensed.slopes,
     )  # fmt: skip
 
 
@@ -256,8 +269,10 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
         "resonances": int(resonances.size),
     }
     attributes = content.attributes
+    summary["condensation error"] = attributes.get("condensation_error")
     if attributes[missing_speeds.ATTRIBUTE]:
         summary["without equilibrium"] = missing_speeds.named(attributes[missing_speeds.ATTRIBUTE])
     reason = attributes["stop_reason"]
     ok = reason in missing_speeds.WELL or reason == NO_CRITICAL
-    return StageResult(case_id, ok, reason, attributes["stop_advice"], summary)
+    advice, caution = attributes["stop_advice"], attributes.get("caution", "")
+    return StageResult(case_id, ok, reason, advice, summary, caution=caution)

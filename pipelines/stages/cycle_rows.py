@@ -14,7 +14,9 @@ from pipelines.case.models import PARAMETERS, Case
 from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
+from pipelines.machine.condensation import master_freedoms
 from pipelines.machine.rates import BEARINGS
+from pipelines.machine.shaft import NODE_FREEDOMS
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape
 from pipelines.orbits.shooting import CycleProblem
 
@@ -61,9 +63,10 @@ def static_arrays(machine: Machine, case: Case, problem: CycleProblem) -> dict[s
 
 def coordinates(case: Case) -> dict[str, Any]:
     """Node and axis of every coordinate of the masters."""
+    freedoms = master_freedoms(case.rotor.master_nodes, case.rotor.slope_nodes)
     return {
-        "coordinate_node": np.repeat(np.array(case.rotor.masters, dtype=np.int32), 2),
-        "coordinate_axis": np.tile(np.array([0, 1], dtype=np.int8), len(case.rotor.masters)),
+        "coordinate_node": (freedoms // NODE_FREEDOMS).astype(np.int32),
+        "coordinate_axis": (freedoms % NODE_FREEDOMS).astype(np.int8),
     }
 
 
@@ -94,7 +97,7 @@ class BranchRecorder:
     where cycles of ``turns`` > 1 excitation periods have passed through those of half their period.
 
     The shape of a cycle is needed by both and computed once, in ``limit``, which the engine asks first.
-    ``before``: orbit of the masters (samples, 2 masters) at the last point of a branch that goes on.
+    ``before``: orbit of the masters (samples, coordinates) at the last point of a branch that goes on.
     """
 
     def __init__(

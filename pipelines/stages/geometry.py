@@ -38,6 +38,8 @@ def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
         "bearing_radius": np.array([bearing.radius for bearing in bearings]),
         "bearing_length": np.array([bearing.length for bearing in bearings]),
         "bearing_clearance": np.array([bearing.clearance for bearing in bearings]),
-        "master_node": np.array(rotor.masters, dtype=np.int32),
+        "master_node": np.array(rotor.master_nodes, dtype=np.int32),
     }
+    if rotor.slope_nodes:
+        arrays["slope_node"] = np.array(rotor.slope_nodes, dtype=np.int32)
     return arrays, {"material_names": materials}

@@ -82,7 +82,7 @@ def _unknowns(case: Case, grid: Grid) -> int:
     """N on a grid, as the kernels count it."""
     periodic = [bearing.film == "periodic" for bearing in case.bearings]
     nodes = sum(grid.circumferential - (0 if whole else 1) for whole in periodic)
-    return nodes * (grid.axial + 1) + 4 * len(case.rotor.masters)
+    return nodes * (grid.axial + 1) + 2 * case.rotor.condensed_freedoms
 
 
 def _fill(

@@ -31,7 +31,8 @@ class StageResult:
     """How one stage ended on one case.
 
     `ok` is False when the case could not be computed as asked; `stop_reason` then names why and `advice` is
-    a sentence that tells the user what to change. `summary` holds the few numbers worth a line on the
+    a sentence that tells the user what to change. `caution` says of a result that was computed how far it is
+    not to be trusted, and what to do about it. `summary` holds the few numbers worth a line on the
     terminal (plain scalars only; NaN is not allowed, None stands for a missing number). `failed_by` tells a
     case that cannot be computed from a store that cannot be read and from an error of this program, whose
     `traceback` is kept. The scheduling fills in these, and the `seconds` that the stage took.
@@ -45,6 +46,7 @@ class StageResult:
     failed_by: FailedBy = "case"
     traceback: str = ""
     seconds: float = 0.0
+    caution: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """The result as plain dictionaries and scalars, fit for JSON and for another process."""

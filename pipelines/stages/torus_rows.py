@@ -54,8 +54,8 @@ class TorusShape:
     """A torus seen from outside, all displacements over clearance.
 
     ``orbits``: what ``cycle_shape`` tells, of many orbits one after the other that cover the torus;
-    ``section`` (CURVE_ANGLES, 2 masters): the invariant curve at the start of a period; ``whirl_frequency``;
-    ``step_error``: of the images by the time steps, largest component.
+    ``section`` (CURVE_ANGLES, coordinates): the invariant curve at the start of a period;
+    ``whirl_frequency``; ``step_error``: of the images by the time steps, largest component.
     """
 
     orbits: CycleShape

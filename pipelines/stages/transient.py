@@ -18,6 +18,7 @@ from pipelines.datasets.store import Store, open_for_reading, open_for_writing
 from pipelines.machine.extremes import FILM, HIGH_FOIL, HIGH_PRESSURE, LOW_FOIL, LOW_PRESSURE, OBSERVED
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.transient import Block, Position, Status, advance, starting_position
+from pipelines.stages.cycle_rows import coordinates
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.transient_analysis import write_transient_analysis
 from pipelines.stages.transient_run import Outlook, Run, outlook_of, prepare_run
@@ -113,10 +114,8 @@ def _sizes(run: Run) -> dict[str, int]:
 
 
 def _static(run: Run, case: NamedCase) -> dict[str, Any]:
-    masters = case.case.rotor.masters
     return {
-        "coordinate_node": np.repeat(np.array(masters, dtype=np.int32), 2),
-        "coordinate_axis": np.tile(np.array([0, 1], dtype=np.int8), len(masters)),
+        **coordinates(case.case),
         "plane_node": np.array([mass.node for mass in run.masses], dtype=np.int32),
         "plane_moment": np.array([mass.moment for mass in run.masses], dtype=float),
         "plane_phase": np.array([mass.phase for mass in run.masses], dtype=float),

@@ -188,9 +188,7 @@ def _energies(samples: Samples, machine: Machine) -> Arrays:
     """
     window = _windows(samples)
     _need_resolution(samples)
-    scales = machine.scales
-    rotor = machine.condensed.scaled(scales.time, scales.displacement, scales.force)
-    modes = rotor_modes(rotor.mass, rotor.stiffness)
+    modes = rotor_modes(machine.scaled.mass, machine.scaled.stiffness)
     velocity = sampled_velocity(samples.displacement, samples.interval)
     energy = modal_energy(modes, samples.displacement, velocity)
     return {

@@ -167,3 +167,48 @@ def test_only_masters_have_a_position(slender_rotor):
     assert condensed.position(4) == 4
     with pytest.raises(ValueError, match="node 5 is not a master node"):
         condensed.position(5)
+
+
+def test_slopes_stand_behind_the_translations_of_their_node(slender_rotor):
+    condensed = condense(assemble_rotor(slender_rotor), slender_rotor.masters, slopes=(0, 4))
+    np.testing.assert_array_equal(condensed.freedoms[:10], [0, 1, 2, 3, 8, 9, 16, 17, 18, 19])
+    assert condensed.masters == slender_rotor.masters
+    assert condensed.slopes == (0, 4)
+    assert [condensed.position(node) for node in (0, 2, 4, 7)] == [0, 4, 6, 10]
+    # a master keeps its own displacement and slope
+    np.testing.assert_array_equal(condensed.transformation[condensed.freedoms], np.eye(18))
+
+
+def test_all_nodes_with_their_slopes_are_the_full_rotor(slender_rotor):
+    full = assemble_rotor(held(slender_rotor))
+    condensed = condense(full, range(15), slopes=range(15))
+    np.testing.assert_array_equal(condensed.transformation, np.eye(60))
+    for speed in (0.0, 3000.0):
+        exact, found = (oscillating_modes(rotor, speed).damped_frequencies for rotor in (full, condensed))
+        np.testing.assert_allclose(found, exact, rtol=1e-10)
+
+
+def test_slopes_are_scaled_like_a_displacement_over_a_length(slender_rotor):
+    """The same eigenvalues and sag in other units; moments and slopes do the work of forces and lengths."""
+    condensed = condense(assemble_rotor(held(slender_rotor)), slender_rotor.masters, slopes=(0, 14))
+    time, displacement, force, length = 5.2e-4, 20.4e-6, 22.8, 0.016
+    scaled = condensed.scaled(time, displacement, force, length)
+    speed = 2000.0
+    physical, dimensionless = (
+        linalg.eigvals(form.constant + value * form.per_speed)
+        for form, value in ((state_space(condensed), speed), (state_space(scaled), speed * time))
+    )
+    physical, dimensionless = (
+        np.sort_complex(values[values.imag > 0])[:8] for values in (physical, dimensionless)
+    )
+    np.testing.assert_allclose(dimensionless, physical * time, rtol=1e-9)
+    sag, scaled_sag = (np.linalg.solve(one.stiffness, one.gravity_load) for one in (condensed, scaled))
+    unit = np.where(condensed.freedoms % 4 < 2, displacement, displacement / length)
+    np.testing.assert_allclose(scaled_sag * unit, sag, rtol=1e-9, atol=1e-14)
+    translations = np.arange(60) % 4 < 2
+    np.testing.assert_allclose(
+        (scaled.transformation @ scaled_sag * displacement)[translations],
+        (condensed.transformation @ sag)[translations],
+        rtol=1e-9,
+        atol=1e-14,
+    )

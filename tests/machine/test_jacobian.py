@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
-from tests.machines import BEARING, OTHER_BEARING, case
+from tests.machines import BEARING, OTHER_BEARING, case, symmetric_rotor
 
 SWITCHES = {
     "scheme": ("central", "backward"),
@@ -115,6 +115,19 @@ def test_columns_do_not_feel_each_other(columns: int) -> None:
     for column in range(columns):
         alone = machine.apply_jacobian(0.2, state, np.ascontiguousarray(block[:, [column]]), parameters)
         np.testing.assert_allclose(together[:, column], alone[:, 0], rtol=1e-12, atol=1e-12)
+
+
+def test_slopes_kept() -> None:
+    """Wheels and one journal keep their slopes: the blocks of the rotor are larger, the films' as before."""
+    masters = ({"node": 0, "slopes": True}, {"node": 2, "slopes": True}, 7, 12, 14)
+    rotor = symmetric_rotor(masters=masters)
+    description = case((11, 2), bearings=(BEARING, OTHER_BEARING), rotor=rotor)
+    machine, parameters = build_machine(description), parameter_vector(description)
+    state, block = random_state(machine, 4), np.eye(machine.size)
+    exact = machine.jacobian(0.7, state, parameters).toarray()
+    size = np.abs(exact).max(axis=1, keepdims=True)
+    assert (np.abs(machine.apply_jacobian(0.7, state, block, parameters) - exact) <= 1e-12 * size).all()
+    assert (np.abs(differences(machine, 0.7, state, block, parameters) - exact) <= 1e-7 * size).all()
 
 
 def test_rigid_bearings() -> None:

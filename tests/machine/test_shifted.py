@@ -11,7 +11,7 @@ from pipelines.case.models import Case
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.machine.lines import LINE
 from pipelines.orbits.machine_cycles import machine_system
-from tests.machines import BEARING, FOIL, OTHER_BEARING, case
+from tests.machines import BEARING, FOIL, OTHER_BEARING, case, symmetric_rotor
 
 PHASE = 0.7
 
@@ -53,6 +53,19 @@ def test_solution_of_the_dense_system(grid: tuple[int, int], film: str, shift: f
     jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
     expected = np.linalg.solve(np.eye(system.size) - shift * jacobian, right)
     found = solved(system, state, parameters, shift, right)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+
+
+def test_solution_with_slopes_kept() -> None:
+    """More freedoms at some masters, at a journal's too: the journals are still found."""
+    masters = (0, {"node": 2, "slopes": True}, 7, 12, {"node": 14, "slopes": True})
+    rotor = symmetric_rotor(masters=masters)
+    system, state, parameters = states(case((12, 2), bearings=(BEARING, OTHER_BEARING), rotor=rotor))
+    assert system.size == 2 * 11 * 3 + 2 * 14
+    right = np.random.default_rng(4).standard_normal((system.size, LINE))
+    jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
+    expected = np.linalg.solve(np.eye(system.size) - 0.05 * jacobian, right)
+    found = solved(system, state, parameters, 0.05, right)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
 
 

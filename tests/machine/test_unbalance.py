@@ -18,14 +18,18 @@ from pipelines.machine.rates import BEARINGS
 from pipelines.machine.unbalance import UnbalanceMass, unbalance_acceleration
 from pipelines.orbits.equilibrium import machine_equilibrium
 from pipelines.orbits.unbalanced_map import UNBALANCED_PARAMETERS, unbalanced_system
-from tests.machines import BEARING, OTHER_BEARING, case
+from tests.machines import BEARING, OTHER_BEARING, case, symmetric_rotor
 
 MASSES = (UnbalanceMass(2, 3e-6, 0.4), UnbalanceMass(9, 1e-6, -1.0))  # node 9 is condensed out
 
 
-@pytest.fixture(scope="module")
-def machine():
-    return build_machine(case((16, 1), bearings=(BEARING, OTHER_BEARING)))
+SLOPES = ({"node": 0, "slopes": True}, 2, {"node": 7, "slopes": True}, 12, 14)
+
+
+@pytest.fixture(scope="module", params=[(0, 2, 4, 7, 10, 12, 14), SLOPES], ids=["translations", "slopes"])
+def machine(request):
+    rotor = symmetric_rotor(masters=request.param)
+    return build_machine(case((16, 1), bearings=(BEARING, OTHER_BEARING), rotor=rotor))
 
 
 def test_a_mass_on_any_node_accelerates_the_masters_as_its_virtual_work_says(machine):
@@ -40,6 +44,7 @@ def test_a_mass_on_any_node_accelerates_the_masters_as_its_virtual_work_says(mac
     expected = np.linalg.solve(machine.condensed.mass, machine.condensed.transformation.T @ force)
     along, across = unbalance_acceleration(machine, MASSES) * (speed * scales.time) ** 2
     found = (along * np.cos(angle) + across * np.sin(angle)) * scales.displacement / scales.time**2
+    found[machine.condensed.freedoms % 4 >= 2] /= BEARING["length"]  # slopes are in units of c/L
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 

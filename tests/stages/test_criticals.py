@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipelines.case.reading import NamedCase
+from pipelines.case.reading import NamedCase, read_cases
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
@@ -17,6 +17,7 @@ from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.equilibrium import at_rest, machine_equilibrium
 from pipelines.orbits.linear import at_speed
+from pipelines.stages.results import StageResult
 from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
@@ -154,3 +155,56 @@ def test_the_count_of_modes_is_stored_with_the_crossings(tmp_path: Path) -> None
     assert last - first == attributes["crossings"] + attributes["damping_passages"]
     assert attributes["undecided_stretches"] == []
     assert attributes["stop_reason"] == "all speeds are computed"
+MICRO_TURBINE = Path(__file__).parents[1] / "reference" / "micro_turbine.toml"
+QUICK = (
+    "numerics.circumferential=16",
+    "numerics.axial=1",
+    "criticals.points=12",
+    "criticals.unbalance_points=12",
+)
+ADVISED = "[{ node = 0, slopes = true }, 2, 3, 6, 9, { node = 12, slopes = true }]"
+ALL = f"[{', '.join(f'{{ node = {node}, slopes = true }}' for node in range(13))}]"
+
+
+def micro_turbine(store: Path, *overrides: str) -> tuple[StageResult, Group]:
+    named, *_ = read_cases(MICRO_TURBINE.read_text(), MICRO_TURBINE.name, (*QUICK, *overrides))
+    result = Watched("criticals", named, store).result
+    return result, read_group(open_for_reading(store), "cases/mgt/criticals")
+
+
+def test_overhung_wheels_without_their_slopes_are_a_caution_with_masters_that_help(tmp_path: Path) -> None:
+    result, stored = micro_turbine(tmp_path / "plain.zarr")
+    error = stored.attributes["condensation_error"]
+    assert result.ok
+    assert result.summary["condensation error"] == error == stored["checked_error"].max()
+    assert 0.15 < error < 0.2
+    assert stored["checked_full_frequency"].max() <= 2.2
+    # at the operating speed, at the highest and at every critical speed
+    speeds = np.linspace(0.1, 2.2, 12)
+    nearest = {int(np.argmin(np.abs(speeds - speed))) for speed in stored["critical_speed"]}
+    checked = speeds[sorted(nearest | {10, 11})]
+    np.testing.assert_allclose(np.unique(stored["checked_speed"]), checked)
+    assert stored.attributes["caution"] == result.caution
+    assert ADVISED in result.caution
+    assert "Hz" in result.caution
+
+
+def test_what_the_caution_names_has_the_critical_speeds_of_the_full_rotor(tmp_path: Path) -> None:
+    full_result, full = micro_turbine(tmp_path / "full.zarr", f"rotor.masters={ALL}")
+    assert full_result.summary["condensation error"] < 1e-9
+    result, stored = micro_turbine(tmp_path / "advised.zarr", f"rotor.masters={ADVISED}")
+    assert result.summary["condensation error"] < 1e-3
+    assert result.caution == full_result.caution == stored.attributes["caution"] == ""
+    np.testing.assert_allclose(stored["critical_speed"], full["critical_speed"], rtol=1e-3)
+    assert stored["critical_speed"].max() > 1.5, "the bending mode is one of them"
+    largest = full["unbalance_full"].max()
+    np.testing.assert_allclose(
+        stored["unbalance_condensed"], stored["unbalance_full"], rtol=0.0, atol=1e-2 * largest
+    )
+
+
+def test_without_equilibrium_there_is_no_condensation_error(tmp_path: Path) -> None:
+    heavy = tiny_case("rotor.gravity=1000", "criticals.points=2", "criticals.unbalance_points=2")
+    result = Watched("criticals", heavy, tmp_path / "a.zarr").result
+    assert result.summary["condensation error"] is None
+    assert result.caution == ""

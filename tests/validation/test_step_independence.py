@@ -40,9 +40,10 @@ _GROWTH, _DETUNING = 1.0, 0.55
 
 
 def forced_hopf() -> DynamicalSystem:
-    """Parameters (omega, F).  With R = |z|^2 and sigma = omega - 1 cycles have F^2 = R ((m - R)^2 + sigma^2),
-    multipliers exp(lambda T) with lambda = m - 2 R +- sqrt(R^2 - sigma^2), Neimark-Sacker points at R = m/2 and
-    folds at 3 R = 2 m +- sqrt(m^2 - 3 sigma^2).
+    """Parameters (omega, F).  With R = |z|^2 and sigma = omega - 1 cycles have
+
+    F^2 = R ((m - R)^2 + sigma^2) and multipliers exp(lambda T), lambda = m - 2 R +- sqrt(R^2 - sigma^2):
+    Neimark-Sacker points at R = m/2, folds at 3 R = 2 m +- sqrt(m^2 - 3 sigma^2).
     """
 
     def rates(phase, s, p):  # type: ignore[no-untyped-def]
