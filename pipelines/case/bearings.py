@@ -225,7 +225,6 @@ class Excitation(Table):
         "1",
         None,
         above=0,
-        at_most=1e4,
         because="the period is 2 pi/Omega_ex",
     )
     frequency_hz: float | None = quantity(
