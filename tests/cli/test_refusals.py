@@ -62,3 +62,24 @@ def test_only_the_chosen_cases_are_checked(program: Program) -> None:
     assert program("continue", "smoke.toml", *words).exit_code == ExitCode.USAGE
     assert program("continue", "smoke.toml", *words, "--case", "*1.25").exit_code == ExitCode.DONE
     assert len(program.computed) == 1
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["info", "x" * 300],
+        ["verify", "x" * 300],
+        ["validate", "x" * 300],
+        ["linearize", "smoke.toml", "-o", "x" * 300],
+        ["linearize", "smoke.toml", "-o", "x" * 250],  # the folder beside it, in which it is made, is longer
+        ["linearize", "smoke.toml", "-o", "x" * 300, "--dry-run"],
+        ["transient", "smoke.toml", "-o", "x" * 300],
+    ],
+)
+@pytest.mark.usefixtures("smoke")
+def test_names_that_are_too_long(program: Program, words: list[str]) -> None:
+    done = program(*words)
+    assert done.exit_code == ExitCode.USAGE, done.stderr
+    assert "too long" in done.stderr or "no such" in done.stderr
+    assert program.computed == []
+    assert [path.name for path in Path().iterdir()] == ["smoke.toml"]
