@@ -116,4 +116,4 @@ def test_a_branch_without_its_metadata_is_told_once_with_everything_else(store: 
     (store / "cases" / "smoke" / "linear" / "zarr.json").unlink()
     findings, _ = verify(store, 3)
     wrong = {finding.path.parent.name for finding in findings if finding.severity == "error"}
-    assert wrong == {"b000", "linear"}
+    assert wrong == {"b000", "linear", "ns"}, "and the curve whose origin is on the branch"
