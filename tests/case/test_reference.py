@@ -26,7 +26,7 @@ def test_every_number_states_its_unit():
 def test_rows_state_unit_default_and_bounds():
     markdown = reference_markdown()
     assert (
-        "| `clearance` | number | radial clearance c | m |  | >= 1e-07: a gas film is thicker than its mean free path |"
+        "| `clearance` | number | radial clearance c | m |  | >= 1e-07: thinner is no gas film |"
     ) in markdown
     assert (
         "| `gravity` | number | acceleration of gravity, along -y | m/s2 | `9.81` | >= 0 and <= 1000: "
