@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,12 +14,25 @@ if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
 
 
-def load_cases(config: Path, assignments: Sequence[str] = ()) -> tuple[NamedCase, ...]:
-    """Every case of a configuration; raises UsageError for the file and CaseError for what it says."""
+def load_cases(
+    config: Path, assignments: Sequence[str] = (), stages: Collection[str] | None = None
+) -> tuple[NamedCase, ...]:
+    """Every case of a configuration; raises UsageError for the file and CaseError for what it says, of the
+    stages' own checks by default those of all tables that are written down.
+    """
     text = read_configuration(config)
     from pipelines.case.reading import read_cases
 
-    return read_cases(text, str(config), assignments)
+    return read_cases(text, str(config), assignments, stages)
+
+
+def refuse_stages(stages: Collection[str], named_cases: Iterable[NamedCase]) -> None:
+    """Raise CaseError where a stage cannot compute a case."""
+    from pipelines.case.reading import CaseError, stage_problems
+
+    problems = [problem for named in named_cases for problem in stage_problems(named, stages)]
+    if problems:
+        raise CaseError(problems)
 
 
 def select_cases(named_cases: Sequence[NamedCase], pattern: str | None) -> tuple[NamedCase, ...]:

@@ -78,7 +78,7 @@ def cases(ctx: typer.Context, incomplete: str) -> Answers:
     from agfb_cli.cases import load_cases
 
     assigned = ctx.params.get("assignments") or ()
-    return [named.case_id for file in files for named in load_cases(file, assigned)]
+    return [named.case_id for file in files for named in load_cases(file, assigned, stages=())]
 
 
 @silent

@@ -118,6 +118,8 @@ def _explain_system_error(error: OSError) -> Explanation:
         return Explanation(
             ExitCode.STORE, f"{where}{error.strerror}", "name a directory that you may write to with -o"
         )
+    if error.errno == errno.ENAMETOOLONG:
+        return Explanation(ExitCode.USAGE, where + "the name is too long", "name a shorter one")
     if error.errno == errno.ENOENT:
         return Explanation(
             ExitCode.STORE,

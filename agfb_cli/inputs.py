@@ -42,7 +42,9 @@ def existing_store(path: Path) -> Path:
     """The path of a store to read; raises UsageError when there is none."""
     if not path.exists():
         raise UsageError(f"{path}: no such store", nearest_name(path))
-    if not path.is_dir() or not (path / "zarr.json").is_file():
+    # a store that has lost its own description is damaged, which opening it says
+    known = (path / "zarr.json", path / "cases" / "zarr.json")
+    if not path.is_dir() or not any(file.is_file() for file in known):
         raise UsageError(
             f"{path}: not a Zarr v3 store",
             "a store is a directory with a file zarr.json, written by `agfb run`",

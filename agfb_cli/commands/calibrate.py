@@ -73,7 +73,7 @@ def calibrate(
         request = Request(config, store, tuple(assignments or ()), case, dry_run, force, pool)
 
         def admit(named_cases: Sequence[NamedCase]) -> None:
-            refuse(named_cases, write, config)
+            refuse(named_cases, write)
 
         outcome = execute(("calibrate",), request, console, admit)
         if not dry_run:
@@ -81,15 +81,8 @@ def calibrate(
         raise typer.Exit(outcome.exit_code())
 
 
-def refuse(named_cases: Sequence[NamedCase], write: Path | None, config: Path) -> None:
-    """Raise UsageError for a configuration without a calibration, or a copy that cannot be written."""
-    for named in named_cases:
-        if named.case.calibrate is None:
-            raise UsageError(
-                f"{config}: no table [calibrate]",
-                "give [[calibrate.parameters]] (keys, range) and [[calibrate.targets]] (value); "
-                "`agfb schema --md` describes them",
-            )
+def refuse(named_cases: Sequence[NamedCase], write: Path | None) -> None:
+    """Raise UsageError for a copy that cannot be written."""
     if write is not None and len(named_cases) > 1:
         raise UsageError("--write: one case at a time", "choose it with --case")
     if write is not None and write.exists():
@@ -101,7 +94,7 @@ def conclude(outcome: Outcome, request: Request, write: Path | None, console: Co
     from pipelines.datasets.store import open_for_reading
     from pipelines.stages.calibration_report import read_calibration
 
-    chosen = select_cases(load_cases(request.config, request.assignments), request.case_pattern)
+    chosen = select_cases(load_cases(request.config, request.assignments, stages=()), request.case_pattern)
     opened = open_for_reading(request.store)
     read = [read_calibration(opened, named.case_id, named.case) for named in chosen]
     found = [calibration for calibration in read if calibration is not None]

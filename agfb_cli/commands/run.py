@@ -12,4 +12,6 @@ bifurcations as [bifurcation_set] says, one after the other on every case, and d
 directory NAME-figures beside the store NAME.zarr.
 """
 
-run = stage_command(("linearize", "criticals", "continue_cycles", "bifurcation_set"), afterwards=draw_beside)
+CHAIN = ("linearize", "criticals", "continue_cycles", "bifurcation_set")
+
+run = stage_command(CHAIN, afterwards=draw_beside)

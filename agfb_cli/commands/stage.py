@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from agfb_cli.cases import load_cases, select_cases
+from agfb_cli.cases import load_cases, refuse_stages, select_cases
 from agfb_cli.console import Console, name_values, words
 from agfb_cli.dry_run import make_plan, show_plan
 from agfb_cli.errors import ExitCode, explained
@@ -149,9 +149,10 @@ def execute(stages: Stages, request: Request, console: Console, admit: Admit | N
 
     `admit` looks at the chosen cases before anything is written, and raises to refuse them.
     """
-    named_cases = load_cases(request.config, request.assignments)
+    named_cases = load_cases(request.config, request.assignments, stages=())
     chosen = select_cases(named_cases, request.case_pattern)
     stages = stages(chosen) if callable(stages) else stages
+    refuse_stages(stages, chosen)
     if request.dry_run:
         refuse_other_store(request, named_cases)
         foresee(stages, chosen, request, console)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from agfb_cli.cases import load_cases, select_cases
+from agfb_cli.commands.run import CHAIN
 from agfb_cli.completion import configurations
 from agfb_cli.console import Console, table
 from agfb_cli.errors import ExitCode, explain, explained
 from agfb_cli.options import AsJson, Assignments, CasePattern, Quiet, Traceback
 
 if TYPE_CHECKING:
-    from pipelines.case.reading import NamedCase
+    from pipelines.case.reading import NamedCase, Problem
 
 Configs = Annotated[
     list[Path],
@@ -33,8 +35,8 @@ def validate(
     """Check configurations and list their cases.
 
     Nothing is computed and nothing is written. Every problem of every file is reported, with file, line and
-    key. With --json the resolved configuration of every case is printed, defaults included, and of a file
-    with problems its error.
+    key, and what `agfb run` would refuse where a table is left out. With --json the resolved configuration of
+    every case is printed, defaults included, and of a file with problems its error.
     """
     console = Console(quiet=quiet, json=json, traceback=traceback)
     with explained(console):
@@ -43,7 +45,9 @@ def validate(
         worst = ExitCode.DONE
         for path in config:
             try:
-                found += [(path, named) for named in select_cases(load_cases(path, assignments or ()), case)]
+                chosen = select_cases(load_cases(path, assignments or ()), case)
+                found += [(path, named) for named in chosen]
+                tell_refused(chosen, console)
             except Exception as error:
                 explanation = explain(error)
                 if explanation.code != ExitCode.USAGE:
@@ -55,6 +59,7 @@ def validate(
             console.json_data(
                 [
                     {"file": str(path), "case": named.case_id, "configuration": named.resolved}
+                    | {"refused": [str(problem) for problem in refused(named)]}
                     for path, named in found
                 ]
                 + failed
@@ -62,3 +67,16 @@ def validate(
         elif found:
             console.data(table(("file", "case"), [(path, named.case_id) for path, named in found]))
         raise typer.Exit(worst)
+
+
+def refused(named: NamedCase) -> list[Problem]:
+    """What `agfb run` would refuse of tables that are not written down: the others are errors already."""
+    from pipelines.case.reading import stage_problems
+
+    return stage_problems(named, CHAIN)
+
+
+def tell_refused(named_cases: Iterable[NamedCase], console: Console) -> None:
+    """Say once what is refused, of whichever case."""
+    for problem in dict.fromkeys(problem for named in named_cases for problem in refused(named)):
+        console.message(f"`agfb run` would refuse {problem}")

@@ -59,7 +59,7 @@ def show(findings: list[Finding], checked: list[Checked], console: Console) -> N
             console.data(line)
             console.message(f"  {finding.advice}")
         else:
-            console.detail(f"{line}; {finding.advice}")
+            console.message(f"note: {line}; {finding.advice}")
     wrong = sum(finding.severity == "error" for finding in findings)
     worst = max((each.residual / each.tolerance for each in checked), default=None)
     evaluated = f"{len(checked)} rows evaluated again" + (

@@ -35,7 +35,7 @@ class Gas(Table):
     ambient_pressure: float = quantity(
         "pressure around the bearings",
         "Pa",
-        above=0,
+        at_least=1.0,
         at_most=1e9,
         because="the film is a compressible gas at ambient pressure; the atmosphere has 101325 Pa",
     )
@@ -45,11 +45,13 @@ class Bump(Table):
     """Geometry of the bump foil, from which its stiffness follows (Eq. 6, 7)."""
 
     pitch: float = quantity(
-        "distance from bump to bump, S", "m", above=0, because="bumps repeat along the foil"
+        "distance from bump to bump, S", "m", at_least=1e-6, at_most=1, because="bumps repeat along the foil"
     )
-    half_length: float = quantity("half length of a bump, l", "m", above=0, because="a bump has a length")
+    half_length: float = quantity(
+        "half length of a bump, l", "m", at_least=1e-6, at_most=1, because="a bump has a length"
+    )
     thickness: float = quantity(
-        "thickness of the bump foil, t", "m", above=0, because="a foil has a thickness"
+        "thickness of the bump foil, t", "m", at_least=1e-7, at_most=1, because="a foil has a thickness"
     )
     young_modulus: float = quantity(
         "Young's modulus of the bump foil", "Pa", at_least=1e6, because="SI units are Pa, not GPa"
@@ -87,7 +89,7 @@ class Foil(Table):
         "foil stiffness per area, k",
         "N/m3",
         None,
-        above=0,
+        at_least=1e-3,
         because="a foil without stiffness does not hold the film; use rigid = true for a plain bearing",
     )
     bump: Bump | None = table("bump geometry", None)
@@ -128,12 +130,12 @@ class Bearing(Table):
     node: int = quantity(
         "node of the journal; must be a master node", "", at_least=0, because="nodes are numbered from 0"
     )
-    radius: float = quantity("radius R", "m", above=0, at_most=10, because="the journal has a radius")
+    radius: float = quantity("radius R", "m", at_least=1e-5, at_most=10, because="the journal has a radius")
     length: float = quantity(
-        "axial length L", "m", above=0, at_most=10, because="a bearing without length carries nothing"
+        "axial length L", "m", at_least=1e-5, at_most=10, because="a bearing without length carries nothing"
     )
     clearance: float = quantity(
-        "radial clearance c", "m", above=0, because="the film has no thickness otherwise"
+        "radial clearance c", "m", at_least=1e-7, because="thinner is no gas film"
     )
     film: Literal["edge", "periodic"] = choice(
         "`edge`: ambient pressure along the foil's edge line at edge_angle; `periodic`: uninterrupted film",
@@ -177,11 +179,15 @@ class Bearing(Table):
 class Ring(Table):
     """The active outer ring, loaded by two opposite forces (Appendix)."""
 
-    inner_radius: float = quantity("inner radius", "m", above=0, because="the ring surrounds the bearing")
-    thickness: float = quantity(
-        "radial thickness", "m", above=0, because="a ring without thickness has no stiffness"
+    inner_radius: float = quantity(
+        "inner radius", "m", above=0, at_most=100, because="the ring surrounds the bearing"
     )
-    width: float = quantity("axial width", "m", above=0, because="a ring without width has no stiffness")
+    thickness: float = quantity(
+        "radial thickness", "m", at_least=1e-6, because="a ring without thickness has no stiffness"
+    )
+    width: float = quantity(
+        "axial width", "m", at_least=1e-6, because="a ring without width has no stiffness"
+    )
     young_modulus: float = quantity("Young's modulus", "Pa", at_least=1e6, because="SI units are Pa, not GPa")
     poisson_ratio: float = quantity(
         "Poisson's ratio",
@@ -225,7 +231,6 @@ class Excitation(Table):
         "1",
         None,
         above=0,
-        at_most=1e4,
         because="the period is 2 pi/Omega_ex",
     )
     frequency_hz: float | None = quantity(

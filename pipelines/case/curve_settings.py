@@ -6,7 +6,17 @@ from typing import Literal
 
 from pydantic import ValidationInfo, field_validator
 
-from pipelines.case.fields import InconsistentError, Number, Table, choice, quantity, steps_in_order, table
+from pipelines.case.fields import (
+    LONGEST_STEP,
+    STEPS,
+    InconsistentError,
+    Number,
+    Table,
+    choice,
+    quantity,
+    steps_in_order,
+    table,
+)
 
 Parameter = Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"]
 Kind = Literal["period_doubling", "neimark_sacker", "fold"]
@@ -26,16 +36,17 @@ class TrackCurves(Table):
     formulation: Literal["bordered", "extended"] = choice(
         "`bordered`: one test function closes the system; `extended`: eigenvectors as unknowns", "bordered"
     )
-    step: float = quantity("first arclength step", "1", 0.02, above=0, because="a curve is followed in steps")
+    step: float = quantity("first arclength step", "1", 0.02, above=0, at_most=LONGEST_STEP, because=STEPS)
     minimum_step: float = quantity(
         "a curve ends when a step would be shorter",
         "1",
         1e-6,
         above=0,
-        because="a curve is followed in steps",
+        at_most=LONGEST_STEP,
+        because=STEPS,
     )
     maximum_step: float = quantity(
-        "longest arclength step", "1", 0.05, above=0, because="a curve is followed in steps"
+        "longest arclength step", "1", 0.05, above=0, at_most=LONGEST_STEP, because=STEPS
     )
     max_points: int = quantity(
         "a curve ends after this many points, in each of its two directions",
@@ -142,7 +153,8 @@ class BifurcationSet(Table):
         "1",
         0.05,
         above=0,
-        because="a tongue narrower than a step can be missed",
+        at_most=LONGEST_STEP,
+        because="a tongue narrower than a step can be missed; arclength is dimensionless",
     )
     smallest_film: float = quantity(
         "the branches along the speed begin at the lowest speed whose equilibrium leaves this film",

@@ -43,6 +43,10 @@ ALTERNATIVES = (
 
 Number = Annotated[float, Field(strict=True)]
 
+LONGEST_STEP = 10.0
+STEPS = "a branch is followed in steps; arclength is dimensionless, and states and parameters are of size one"
+"""Why an arclength step is bounded: in rpm or Hz it would leap over every branch."""
+
 
 class Table(BaseModel):
     """A table of the configuration: frozen, without unknown keys, with finite numbers only."""

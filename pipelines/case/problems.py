@@ -140,7 +140,7 @@ def _statements(error: ValidationError, root: type[Table]) -> Iterator[tuple[Pat
         cause = detail.get("ctx", {}).get("error")
         if isinstance(cause, InconsistentError):
             for below, message in cause.problems:
-                yield (*path, *below), shown(_value_at(detail["input"], below)), message, ""
+                yield (*path, *below), shown(value_at(detail["input"], below)), message, ""
             continue
         if detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
             continue  # entries that are themselves refused are not counted
@@ -198,7 +198,7 @@ def _unknown(root: type[Table], owner: type[Table] | None, path: Path) -> tuple[
     return f"unknown key; allowed here: {', '.join(allowed)}", suggestion
 
 
-def _value_at(value: Any, path: Path) -> Any:
+def value_at(value: Any, path: Path) -> Any:
     """The part of an input that a path below it names; the input itself where the path leads nowhere."""
     for part in path:
         try:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from pydantic import ValidationError
@@ -14,7 +14,8 @@ from pydantic import ValidationError
 from pipelines.case.fields import Path
 from pipelines.case.locating import key_lines
 from pipelines.case.models import Case, Rotor, misplaced_journals
-from pipelines.case.problems import CaseError, Places, Problem, problems_of, shown
+from pipelines.case.problems import CaseError, Places, Problem, problems_of, shown, value_at
+from pipelines.case.stage_checks import STAGE_TABLES, machine_misfits, stage_misfits
 from pipelines.case.sweeps import (
     Document,
     MisplacedError,
@@ -28,7 +29,9 @@ from pipelines.case.sweeps import (
     sweep_of,
 )
 
-__all__ = ["CaseError", "NamedCase", "Problem", "read_cases"]
+__all__ = ["CaseError", "NamedCase", "Problem", "read_cases", "stage_problems"]
+
+_NOWHERE = Places("", {})
 
 
 @dataclass(frozen=True)
@@ -40,11 +43,13 @@ class NamedCase:
     case: Case
     resolved: dict[str, Any]
     """The whole configuration with defaults, of JSON types only; `Case.model_validate` reads it back."""
+    places: Places = field(default=_NOWHERE, compare=False, repr=False)
+    """Where its values stand, for messages; not known of a case that was not read from a file."""
 
     @classmethod
-    def of(cls, case_id: str, case: Case) -> Self:
+    def of(cls, case_id: str, case: Case, places: Places = _NOWHERE) -> Self:
         """Name a case."""
-        return cls(case_id, case, case.model_dump(mode="json"))
+        return cls(case_id, case, case.model_dump(mode="json"), places)
 
     def as_dict(self) -> dict[str, Any]:
         """A plain dictionary to send to another process."""
@@ -56,13 +61,17 @@ class NamedCase:
         return cls.of(str(plain["case_id"]), Case.model_validate(plain["resolved"]))
 
 
-def read_cases(text: str, name: str, overrides: Sequence[str] = ()) -> tuple[NamedCase, ...]:
+def read_cases(
+    text: str, name: str, overrides: Sequence[str] = (), stages: Collection[str] | None = None
+) -> tuple[NamedCase, ...]:
     """Read a configuration from its TOML text.
 
     `name` is the name of the file in messages; `overrides` are assignments `key=value` that replace what the
     file says (a key without index of an array of tables means every table).  Lists in [sweep] expand to one
     case per combination.  An override of a swept key replaces its list, or ends the sweep of that key if it
     is a single value; a key that was swept together with others leaves them.
+
+    `stages` are those whose `stage_problems` count; by default all whose table is written down.
 
     Raises CaseError with all problems.
     """
@@ -80,7 +89,7 @@ def read_cases(text: str, name: str, overrides: Sequence[str] = ()) -> tuple[Nam
     cases = [
         case
         for case_id, rows in named
-        if (case := _case(document, sweeps, case_id, rows, places, problems)) is not None
+        if (case := _case(document, sweeps, case_id, rows, places, problems, stages)) is not None
     ]
     if problems:
         raise CaseError(problems)
@@ -164,6 +173,7 @@ def _case(
     rows: Sequence[Sequence[Any]],
     places: Places,
     problems: list[Problem],
+    stages: Collection[str] | None,
 ) -> NamedCase | None:
     """One case of the sweep; None if it has problems, which are added."""
     own = copy.deepcopy(document)
@@ -185,7 +195,26 @@ def _case(
         problems.extend(problems_of(error, Case, own_places))
         problems.extend(_journal_problems(own, own_places))
         return None
-    return None if misplaced else NamedCase.of(case_id or case.name, case)
+    if misplaced:
+        return None
+    named = NamedCase.of(case_id or case.name, case, own_places)
+    written = [stage for stage, (table, *_) in STAGE_TABLES.items() if table in own]
+    problems.extend(stage_problems(named, written if stages is None else stages))
+    return named
+
+
+def stage_problems(named: NamedCase, stages: Iterable[str]) -> list[Problem]:
+    """Why stages cannot compute a case, each thing once."""
+    of_stages = (misfit for stage in stages for misfit in stage_misfits(named.case, stage))
+    misfits = dict.fromkeys((*machine_misfits(named.case), *of_stages))
+    return [_stage_problem(named, path, message) for path, message in misfits]
+
+
+def _stage_problem(named: NamedCase, path: Path, message: str) -> Problem:
+    key, value = ".".join(map(str, path)), shown(value_at(named.resolved, path))
+    is_default = value and named.places.file and named.places.own(path) is None
+    told = message + " (not given: this is the default)" * bool(is_default)
+    return Problem(*named.places.nearest(path), key, value, told)
 
 
 def _journal_problems(document: Document, places: Places) -> list[Problem]:

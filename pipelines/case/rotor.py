@@ -31,7 +31,7 @@ class Material(Table):
         "Young's modulus", "Pa", at_least=1e6, because="SI units are Pa, not GPa; steel has 206e9 Pa"
     )
     density: float = quantity(
-        "density", "kg/m3", above=0, at_most=1e5, because="SI units are kg/m3; steel has 7850 kg/m3"
+        "density", "kg/m3", at_least=1e-6, at_most=1e5, because="SI units are kg/m3; steel has 7850 kg/m3"
     )
     poisson_ratio: float | None = quantity(
         "Poisson's ratio",
@@ -80,12 +80,12 @@ class Element(Table):
     length: float = quantity(
         "length of one element",
         "m",
-        above=0,
+        at_least=1e-6,
         at_most=100,
         because="an element without length has no stiffness",
     )
     outer_diameter: float = quantity(
-        "outer diameter", "m", above=0, at_most=100, because="the section must have material"
+        "outer diameter", "m", at_least=1e-6, at_most=100, because="the section must have material"
     )
     inner_diameter: float = quantity(
         "inner diameter, 0 for a solid shaft", "m", 0.0, at_least=0, because="0 is a solid shaft"
@@ -119,7 +119,11 @@ class Disc(Table):
         "mass", "kg", at_least=0, at_most=MAXIMUM_MASS, because="mass cannot be negative and is in kg"
     )
     diametral_inertia: float = quantity(
-        "moment of inertia about a diameter", "kg m2", at_least=0, because="inertia cannot be negative"
+        "moment of inertia about a diameter",
+        "kg m2",
+        at_least=0,
+        at_most=1e9,
+        because="inertia cannot be negative and is in kg m2",
     )
     polar_inertia: float = quantity(
         "moment of inertia about the rotor axis", "kg m2", at_least=0, because="inertia cannot be negative"
@@ -207,7 +211,12 @@ class Rotor(Table):
         "alpha of the damping alpha M + beta K", "1/s", 0.0, at_least=0, because="damping dissipates"
     )
     rayleigh_stiffness: float = quantity(
-        "beta of the damping alpha M + beta K", "s", 0.0, at_least=0, because="damping dissipates"
+        "beta of the damping alpha M + beta K",
+        "s",
+        0.0,
+        at_least=0,
+        at_most=1e3,
+        because="damping dissipates and beta is in s",
     )
     gravity: float = quantity(
         "acceleration of gravity, along -y",

@@ -14,6 +14,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+from pipelines.case.ring_statics import ring_displacement_from_load
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -169,7 +171,7 @@ class Scales:
     def parameter_values(
         self, excitation: Excitation, operation: Operation
     ) -> tuple[float, float, float, float]:
-        """Values in the order of `PARAMETERS`; the displacement is nan where only a ring load is given."""
+        """Values in the order of `PARAMETERS`."""
         if operation.speed is not None:
             speed = operation.speed
         else:
@@ -180,18 +182,24 @@ class Scales:
         else:
             # Without excitation nothing depends on the frequency; 1 keeps the parameter vector finite.
             frequency = 1.0 if excitation.frequency is None else excitation.frequency
-        displacement = math.nan if excitation.displacement is None else excitation.displacement
-        return speed, frequency, displacement, self.bearings[0].foil_stiffness
+        return speed, frequency, self.ring_displacement(excitation), self.bearings[0].foil_stiffness
 
-    def parameters(self, case: Case, displacement: float | None = None) -> tuple[float, float, float, float]:
-        """The parameter vector of a case in the order of `PARAMETERS`.
+    def ring_displacement(self, excitation: Excitation) -> float:
+        """Largest vertical displacement of the rings over c: as given, or that of the load on the ring."""
+        if excitation.displacement is not None:
+            return excitation.displacement
+        assert excitation.ring is not None  # the table's own checks
+        assert excitation.load is not None
+        return ring_displacement_from_load(excitation.ring, excitation.load) / self.displacement
 
-        `displacement` is the dimensionless ring displacement that belongs to `case.excitation.load`; it is
-        needed exactly when the case gives a load, and the ring's compliance is not known here.
+    def ring_factors(self, excitation: Excitation) -> tuple[float, float]:
+        """Displacement of each bearing's ring over its own clearance, in units of the common one.
 
-        Raises ValueError if it is missing then, or given otherwise.
+        A displacement is given in clearances of either bearing; a load moves both rings by the same length.
         """
-        speed, frequency, own, stiffness = self.parameter_values(case.excitation, case.operation)
-        if (displacement is None) == math.isnan(own):
-            raise ValueError("displacement must be given exactly when the excitation is a ring load")
-        return speed, frequency, own if displacement is None else displacement, stiffness
+        own = [1.0 if excitation.load is None else bearing.clearance_ratio for bearing in self.bearings]
+        return excitation.amplitudes[0] / own[0], excitation.amplitudes[1] / own[1]
+
+    def parameters(self, case: Case) -> tuple[float, float, float, float]:
+        """The parameter vector of a case in the order of `PARAMETERS`."""
+        return self.parameter_values(case.excitation, case.operation)

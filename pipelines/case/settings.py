@@ -7,7 +7,9 @@ from typing import Literal
 from pydantic import ValidationInfo, field_validator
 
 from pipelines.case.fields import (
+    LONGEST_STEP,
     SPEED,
+    STEPS,
     InconsistentError,
     Number,
     Table,
@@ -30,7 +32,6 @@ class Operation(Table):
         "1",
         None,
         above=0,
-        at_most=1e3,
         because="the film carries by rotation",
     )
     speed_rpm: float | None = quantity(
@@ -235,17 +236,18 @@ class ContinueCycles(Table):
         "stroboscopic",
     )
     step: float = quantity(
-        "first arclength step", "1", 0.02, above=0, because="a branch is followed in steps"
+        "first arclength step", "1", 0.02, above=0, at_most=LONGEST_STEP, because=STEPS
     )
     minimum_step: float = quantity(
         "the branch ends when a step would be shorter",
         "1",
         1e-5,
         above=0,
-        because="a branch is followed in steps",
+        at_most=LONGEST_STEP,
+        because=STEPS,
     )
     maximum_step: float = quantity(
-        "longest arclength step", "1", 0.05, above=0, because="a branch is followed in steps"
+        "longest arclength step", "1", 0.05, above=0, at_most=LONGEST_STEP, because=STEPS
     )
     max_points: int = quantity(
         "the branch ends after this many points",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import hashlib
 import itertools
 import math
 import re
@@ -14,6 +15,8 @@ from typing import Any
 from pipelines.case.fields import ALTERNATIVES, Misfit, Path
 
 MOST_CASES = 10_000
+LONGEST_ID = 200  # so that every file named after a case keeps below the 255 bytes of a file system
+_DIGITS = 12
 
 Document = dict[str, Any]
 
@@ -200,7 +203,15 @@ def combinations(sweeps: Sequence[Sweep]) -> Iterator[tuple[str, tuple[tuple[Any
     names = _short_names(keys)
     for rows in itertools.product(*(sweep.rows for sweep in sweeps)):
         words = _words(tuple(itertools.chain.from_iterable(rows)))
-        yield "_".join(f"{name}={word}" for name, word in zip(names, words, strict=True)), rows
+        yield _fitting("_".join(f"{name}={word}" for name, word in zip(names, words, strict=True))), rows
+
+
+def _fitting(case_id: str) -> str:
+    """The id, or as much of it as fits with digits that tell it from others with the same beginning."""
+    if len(case_id) <= LONGEST_ID:
+        return case_id
+    digits = hashlib.sha256(case_id.encode()).hexdigest()[:_DIGITS]
+    return f"{case_id[: LONGEST_ID - _DIGITS - 1]}-{digits}"
 
 
 def _short_names(keys: Sequence[str]) -> list[str]:

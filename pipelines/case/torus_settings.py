@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Literal
 
-from pydantic import ValidationInfo, field_validator
+from pydantic import field_validator
 
-from pipelines.case.bearings import Bearing, Excitation
+from pipelines.case.bearings import Excitation
 from pipelines.case.curve_settings import Parameter
 from pipelines.case.fields import (
+    LONGEST_STEP,
+    STEPS,
     InconsistentError,
     Misfit,
     Number,
@@ -67,17 +69,18 @@ class ContinueTori(Table):
         because="a torus of no size is the cycle",
     )
     step: float = quantity(
-        "first arclength step", "1", 0.01, above=0, because="a branch is followed in steps"
+        "first arclength step", "1", 0.01, above=0, at_most=LONGEST_STEP, because=STEPS
     )
     minimum_step: float = quantity(
         "the branch ends when a step would be shorter",
         "1",
         1e-4,
         above=0,
-        because="a branch is followed in steps",
+        at_most=LONGEST_STEP,
+        because=STEPS,
     )
     maximum_step: float = quantity(
-        "longest arclength step", "1", 0.05, above=0, because="a branch is followed in steps"
+        "longest arclength step", "1", 0.05, above=0, at_most=LONGEST_STEP, because=STEPS
     )
     max_points: int = quantity(
         "a branch ends after this many points",
@@ -119,15 +122,9 @@ class ContinueTori(Table):
 
 
 def torus_misfits(
-    stage: ContinueTori,
-    bearings: Sequence[Bearing],
-    excitation: Excitation,
-    formulation: str,
-    unbalance: Unbalance | None,
+    stage: ContinueTori, excitation: Excitation, formulation: str, unbalance: Unbalance | None
 ) -> Iterator[Misfit]:
     """What makes tori of this case impossible; ``formulation``: that of its cycles."""
-    if stage.parameter == "foil_stiffness" and any(bearing.foil.rigid for bearing in bearings):
-        yield ("parameter",), "a rigid bearing has no foil stiffness to continue"
     if stage.origin == "unbalance" and unbalance is None:
         yield ("origin",), "needs the table [unbalance], which says where the rotor is out of balance"
     if excitation.frequency is None and excitation.frequency_hz is None:
@@ -140,16 +137,3 @@ def torus_misfits(
             ("origin",),
             'tori are born at cycles of known period: set continue_cycles.formulation = "stroboscopic"',
         )
-
-
-def tori_fit(stage: ContinueTori, info: ValidationInfo) -> ContinueTori:
-    """The case's check of the tori against its excitation, cycles and unbalance."""
-    needed = ("bearings", "excitation", "continue_cycles", "unbalance")
-    # a stage left at its defaults must not stop another one
-    if stage == ContinueTori() or any(key not in info.data for key in needed):
-        return stage
-    bearings, excitation, cycles, unbalance = (info.data[key] for key in needed)
-    problems = list(torus_misfits(stage, bearings, excitation, cycles.formulation, unbalance))
-    if problems:
-        raise InconsistentError(*problems)
-    return stage

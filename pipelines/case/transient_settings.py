@@ -322,15 +322,7 @@ def unbalance_on_shaft(unbalance: Unbalance | None, info: ValidationInfo) -> Unb
     return unbalance
 
 
-def transient_fits(stage: Transient, info: ValidationInfo) -> Transient:
-    """The case's check of a transient run against its excitation."""
-    excitation: Excitation | None = info.data.get("excitation")
-    # a stage left at its defaults must not stop another one
-    if excitation is not None and stage != Transient() and (problems := list(_misfits(stage, excitation))):
-        raise InconsistentError(*problems)
-    return stage
-
-
-def _misfits(stage: Transient, excitation: Excitation) -> Iterator[Misfit]:
+def transient_misfits(stage: Transient, excitation: Excitation) -> Iterator[Misfit]:
+    """What makes a run impossible for the case's excitation."""
     if stage.excitation.startswith("switch") and 0 in (excitation.displacement, excitation.load):
         yield ("excitation",), "there is nothing to switch: excitation.displacement is 0"

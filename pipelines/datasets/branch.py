@@ -10,7 +10,8 @@ from the last committed one.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from pipelines.datasets.chunks import read_array, write_array, write_chunk
-from pipelines.datasets.durable import make_folder, replace_file, sweep_partials
+from pipelines.datasets.durable import MAKING, make_folder, replace_file, sweep_partials
 from pipelines.datasets.errors import OtherConfigurationError, StoreError
 from pipelines.datasets.layout import ArrayLayout, layout
 from pipelines.datasets.locking import GroupLock
@@ -28,6 +29,7 @@ from pipelines.datasets.metadata import (
     encode_group,
     group_folder,
     read_group_metadata,
+    require_metadata,
 )
 from pipelines.datasets.records import (
     COMPLETE,
@@ -60,8 +62,8 @@ def open_branch(
     ``sizes`` gives the capacity along the kind's row dimension and the sizes of all other dimensions; arrays
     with a dimension that has no size are left out. ``static`` holds the arrays that are written once. On
     resuming, a larger capacity enlarges the branch; other sizes and ``attributes`` must be those of the
-    store. Raises LockedStoreError, OtherConfigurationError, CorruptedError, ForeignStoreError, OSError, and
-    ValueError for data outside the schema.
+    store, where a branch without rows is made anew. Raises LockedStoreError, OtherConfigurationError,
+    CorruptedError, ForeignStoreError, OSError, and ValueError for data outside the schema.
     """
     given = dict(attributes or {})
     if taken := RESERVED & set(given):
@@ -70,10 +72,10 @@ def open_branch(
     ensure_container(store, group)
     lock = GroupLock(store.path, group)
     try:
-        sweep_partials(group_folder(store.path, group))
+        require_metadata(store.path, group)
         if store.has_group(group):
-            _adopt(store, group, kind, complete, given)
-        else:
+            sweep_partials(group_folder(store.path, group))
+        if not store.has_group(group) or not _adopt(store, group, kind, complete, given):
             _make(store, group, kind, complete, static or {}, given)
         return BranchWriter(store, group, kind, lock)
     except BaseException:
@@ -95,9 +97,7 @@ def write_group(
     fitted = fit_all(layouts, arrays, whole=True)
     ensure_container(store, group)
     folder = group_folder(store.path, group)
-    with GroupLock(store.path, group):
-        (folder / METADATA).unlink(missing_ok=True)  # from here on the old group does not exist
-        _clear(folder)
+    with GroupLock(store.path, group), _making(store, folder, sorted(layouts)):
         for name, array in layouts.items():
             _make_array(store, group, array, fitted[name])
         content = {**(attributes or {}), "status": COMPLETE, "dimensions": sizes, "arrays": sorted(layouts)}
@@ -317,9 +317,6 @@ def _make(
     arrays = layout(kind, sizes)
     fitted = fit_all(with_role(arrays, "static"), static, whole=True)
     folder = group_folder(store.path, group)
-    _clear(folder)
-    for name, array in arrays.items():
-        _make_array(store, group, array, fitted.get(name))
     content = {
         **attributes,
         "dimensions": dict(sizes),
@@ -327,12 +324,39 @@ def _make(
         "n_points": 0,
         "n_events": 0,
     }
-    _publish(store, folder, kind, {**content, "status": RUNNING, "stop_reason": "", "stop_advice": ""})
+    with _making(store, folder, sorted(arrays)):
+        for name, array in arrays.items():
+            _make_array(store, group, array, fitted.get(name))
+        _publish(store, folder, kind, {**content, "status": RUNNING, "stop_reason": "", "stop_advice": ""})
 
 
-def _clear(folder: Path) -> None:
-    if folder.exists():
-        shutil.rmtree(folder)
+@contextmanager
+def _making(store: Store, folder: Path, arrays: Sequence[str]) -> Iterator[None]:
+    """Empty a group's folder, mark it as being made (`MAKING`), and take the mark away when that is done.
+
+    A group that was there does not exist from here on. The mark tells what an interruption left from a group
+    that has lost its metadata.
+    """
+    mark = folder / arrays[0] / MAKING if arrays else None
+    if mark is not None:
+        make_folder(mark.parent, durable=store.durable)
+        replace_file(mark, b"", durable=store.durable)
+    (folder / METADATA).unlink(missing_ok=True)
+    _clear(folder, mark)
+    yield
+    if mark is not None:
+        mark.unlink(missing_ok=True)
+
+
+def _clear(folder: Path, mark: Path | None) -> None:
+    """Remove everything in a folder but the mark and what holds it."""
+    for entry in list(folder.iterdir()) if folder.is_dir() else ():
+        if mark is not None and entry == mark.parent:
+            _clear(entry, mark)
+        elif entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
+        elif entry != mark:
+            entry.unlink()
 
 
 def _make_array(store: Store, group: str, array: ArrayLayout, content: Array | None) -> None:
@@ -352,7 +376,10 @@ def _publish(store: Store, folder: Path, kind: str, attributes: Mapping[str, Any
 
 def _adopt(
     store: Store, group: str, kind: str, sizes: Mapping[str, int], attributes: Mapping[str, Any]
-) -> None:
+) -> bool:
+    """Whether the branch that is there can be gone on with; not where it was asked for otherwise and has no
+    rows that would be lost.
+    """
     metadata = read_group_metadata(store.path, group, kind)
     stored, growing = metadata.attributes["dimensions"], {KINDS[kind].row, KINDS[kind].event}
     differing = [
@@ -364,6 +391,8 @@ def _adopt(
         before, now = _unlike(metadata.attributes.get(key), value)
         if before != now:
             differing.append(f"{key} is {before!r} in the store and {now!r} now")
+    if differing and not (metadata.attributes["n_points"] or metadata.attributes["n_events"]):
+        return False
     if differing:
         raise OtherConfigurationError(
             f"the branch was computed otherwise: {'; '.join(differing)}",
@@ -372,6 +401,7 @@ def _adopt(
         )
     wanted = {d: max(size, sizes[d]) if d in growing else size for d, size in stored.items()}
     _enlarge(store, metadata.folder, kind, metadata.attributes, metadata.arrays, wanted)
+    return True
 
 
 def _unlike(before: Any, now: Any) -> tuple[Any, Any]:

@@ -12,6 +12,8 @@ import os
 from pathlib import Path
 
 PARTIAL = ".partial"
+MAKING = "making" + PARTIAL
+"""Lies in the folder of a group's first array while the group is made: it has no metadata of its own yet."""
 
 
 def replace_file(

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from pipelines.case.transient_settings import EQUILIBRIUM
 from pipelines.datasets.chunks import read_array
 from pipelines.datasets.durable import PARTIAL
 from pipelines.datasets.errors import StoreError
 from pipelines.datasets.layout import ArrayLayout
-from pipelines.datasets.metadata import METADATA, GroupMetadata, read_group_metadata
+from pipelines.datasets.metadata import (
+    METADATA,
+    GroupMetadata,
+    has_lost_metadata,
+    read_group_metadata,
+    read_json,
+)
 from pipelines.datasets.reading import committed_rows
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, open_for_reading
 
-NUMBERED = ("point", "sample")
-"""Rows of the kinds of which a case holds several groups, in a folder."""
+DEEPEST_GROUP = 4  # cases, CASE, cycles, b000
 
 
 @dataclass(frozen=True)
@@ -34,20 +42,25 @@ class Finding:
 def verify(store: Store | Path | str) -> list[Finding]:
     """Everything wrong with a store, an empty list when it is whole.
 
-    Checks all metadata against the schema, that every chunk of a committed row exists, and decodes it
-    (checksums). Chunks are read one at a time. Raises StoreError when the root is unusable.
+    Checks all metadata against the schema, that every chunk of a committed row exists, decodes it
+    (checksums), and that the cases and groups which others refer to are there. Chunks are read one at a time.
+    Raises StoreError when the root is unusable.
     """
     opened = store if isinstance(store, Store) else open_for_reading(store)
-    findings = list(_stray(opened.path))
+    findings: list[Finding] = []
+    groups: dict[str, GroupMetadata] = {}
     for group in _all_groups(opened):
         try:
-            metadata = read_group_metadata(opened.path, group)
+            groups[group] = read_group_metadata(opened.path, group)
         except StoreError as error:
             findings.append(_finding(error))
             continue
-        for array in metadata.arrays.values():
-            findings += _check_chunks(opened, group, metadata, array)
-        findings += _check_capacities(metadata)
+        for array in groups[group].arrays.values():
+            findings += _check_chunks(opened, group, groups[group], array)
+        findings += _check_capacities(groups[group])
+    findings = [*_stray(opened.path, groups, [each.path for each in findings]), *findings]
+    findings += _missing_cases(opened, groups)
+    findings += _broken_references(groups)
     return list(dict.fromkeys(findings))
 
 
@@ -56,31 +69,35 @@ def _finding(error: StoreError) -> Finding:
 
 
 def _all_groups(store: Store) -> Iterator[str]:
-    """Every folder that must be a group: what has metadata itself or below, except arrays."""
-    yield "cases"
-    for case in _folders(store.path / "cases"):
-        yield f"cases/{case}"
-        for name in _folders(store.path / "cases" / case):
-            path = f"cases/{case}/{name}"
-            if name in KINDS and KINDS[name].row not in NUMBERED:
-                if _is_made(store.path / path):
-                    yield path
-                continue
-            yield path
-            yield from (f"{path}/{n}" for n in _folders(store.path / path) if _is_made(store.path / path / n))
+    """Every folder that is a group or has lost the metadata of one."""
+    level = ["cases"]
+    for _ in range(DEEPEST_GROUP):
+        level = [group for group in level if _is_group(store.path / group)]
+        yield from level
+        level = [f"{group}/{name}" for group in level for name in _folders(store.path / group)]
+
+
+def _is_group(folder: Path) -> bool:
+    """False for the folders of arrays, and for those that hold nothing of a store."""
+    if not os.path.lexists(folder / METADATA):
+        return has_lost_metadata(folder)
+    try:
+        return read_json(folder / METADATA).get("node_type") != "array"
+    except StoreError:
+        return True
 
 
 def _folders(folder: Path) -> list[str]:
     if folder.is_symlink() or not folder.is_dir():
         return []
-    return sorted(p.name for p in folder.iterdir() if p.is_dir())
+    return sorted(p.name for p in folder.iterdir() if p.is_dir() and not p.is_symlink())
 
 
-def _is_made(folder: Path) -> bool:
-    return (folder / METADATA).is_file()
-
-
-def _stray(root: Path) -> Iterator[Finding]:
+def _stray(root: Path, groups: Mapping[str, GroupMetadata], damaged: Sequence[Path]) -> Iterator[Finding]:
+    """What lies in a store and does not belong there; folders that are damaged as groups are told already."""
+    known = {root} | {metadata.folder for metadata in groups.values()}
+    known |= {metadata.folder / array for metadata in groups.values() for array in metadata.arrays}
+    lost = {path.parent if path.name == METADATA else path for path in damaged}
     for path in sorted(root.rglob("*")):
         if path.is_symlink():
             yield Finding(path, "a link inside a store", "Copy the data it points to into its place")
@@ -90,10 +107,48 @@ def _stray(root: Path) -> Iterator[Finding]:
             continue
         elif not path.is_file():
             yield Finding(path, "not a plain file", "Stores hold plain files only: replace it by a copy")
-        elif path.name == METADATA:
+        elif lost.intersection(path.parents) or (path.name == METADATA and path.parent in known):
             continue
-        elif not path.name.startswith("c.") or not _is_made(path.parent):
+        elif not path.name.startswith("c.") or path.parent not in known:
             yield Finding(path, "does not belong to a store", "Move it elsewhere", "note")
+
+
+def _missing_cases(store: Store, groups: Mapping[str, GroupMetadata]) -> Iterator[Finding]:
+    """Cases of the store's configuration without a folder."""
+    for case in store.attributes.get("configuration", {}):
+        path = store.path / "cases" / case
+        if f"cases/{case}" not in groups and not path.is_dir():
+            yield Finding(path, "the case is missing", "Restore this folder from a copy of the store")
+
+
+def _broken_references(groups: Mapping[str, GroupMetadata]) -> Iterator[Finding]:
+    """Groups that begin at a row or an event of another group which is not there."""
+    for group, metadata in groups.items():
+        case = "/".join(group.split("/")[:2])
+        for what, name, count, row in _references(metadata.attributes):
+            other = groups.get(f"{case}/{name}")
+            there = 0 if other is None else int(other.attributes.get(count, 0))
+            if other is None or (row is not None and not 0 <= row < there):
+                which = "" if row is None else f", {'event' if count == 'n_events' else 'row'} {row}"
+                yield Finding(
+                    metadata.folder,
+                    f"its {what} is not in the store: {name}{which}",
+                    f"Restore {name} from a copy of the store, or run the command that wrote it again",
+                )
+
+
+def _references(attributes: Mapping[str, Any]) -> Iterator[tuple[str, str, str, int | None]]:
+    """What refers to which group, and to which row or event: the attribute that counts them, its number."""
+    origin, request = attributes.get("origin"), attributes.get("request")
+    if isinstance(origin, dict):
+        yield "origin", str(origin.get("group")), "n_events", int(origin.get("event", -1))
+    table = request.get("transient") if isinstance(request, dict) else None
+    if isinstance(table, dict) and table.get("start", EQUILIBRIUM) != EQUILIBRIUM:
+        start = str(table["start"])
+        count = "n_events" if start.startswith("transient/") else "n_points"  # checkpoints, or points
+        yield "start", start, count, table.get("start_row")
+    if attributes.get("kind") == "transient_analysis" and "source" in attributes:
+        yield "run", str(attributes["source"]), "n_points", None
 
 
 def _check_chunks(store: Store, group: str, metadata: GroupMetadata, array: ArrayLayout) -> list[Finding]:

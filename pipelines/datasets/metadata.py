@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import stat
 from collections.abc import Callable, Iterable, Mapping
@@ -19,6 +20,7 @@ from typing import Any, TypeGuard
 import google_crc32c
 import numpy as np
 
+from pipelines.datasets.durable import MAKING
 from pipelines.datasets.errors import CorruptedError, ForeignStoreError, StoreError
 from pipelines.datasets.layout import CONVENTIONS, LARGEST_ROWS, ArrayLayout, array_metadata, layout
 from pipelines.datasets.schema import KINDS, SCHEMA_VERSION
@@ -28,6 +30,9 @@ CHECKSUM = "attributes_crc32c"
 LARGEST_METADATA_BYTES = 16 * 1024**2
 DEEPEST_METADATA = 40  # tables within tables; a configuration has 8
 CONTAINER = "container"
+NUMBERED = ("point", "sample")
+"""Rows of the kinds of which a case holds several groups, in a container."""
+KINDS_OF_A_CASE = frozenset(name for name, kind in KINDS.items() if kind.row not in NUMBERED)
 ROOT = "store"
 CASE = "case"
 FAILURES = "failures"
@@ -98,6 +103,28 @@ def group_folder(store: Path, group: str) -> Path:
     return folder
 
 
+def has_lost_metadata(folder: Path) -> bool:
+    """Whether arrays or groups lie below a folder without its own metadata that nobody is making."""
+
+    def is_bare() -> bool:
+        return not os.path.lexists(folder / METADATA)
+
+    # asked twice: whoever makes the group publishes its metadata first and removes the mark then
+    return (
+        is_bare()
+        and any(folder.glob(f"*/{METADATA}"))
+        and not any(folder.glob(f"*/{MAKING}"))
+        and is_bare()
+    )
+
+
+def require_metadata(store: Path, group: str) -> None:
+    """Raise CorruptedError for a group whose metadata are lost: to make it anew would lose its rows."""
+    folder = group_folder(store, group)
+    if has_lost_metadata(folder):
+        raise CorruptedError("the file is missing", _remedy(store, group), folder / METADATA)
+
+
 def read_group_metadata(store: Path, group: str, kind: str | None = None) -> GroupMetadata:
     """Attributes and array layouts of a group, checked against the schema; nothing else is read.
 
@@ -127,7 +154,8 @@ def _check_place(group: str, metadata: GroupMetadata) -> None:
 
 def _remedy(store: Path, group: str) -> str:
     """What to do about a damaged group: the root and the cases are written once and not computed anew."""
-    written_once = group.count("/") < 2
+    depth = group.count("/")
+    written_once = depth < 2 or (depth == 2 and group.rsplit("/", 1)[1] not in KINDS_OF_A_CASE)
     return RESTORE if written_once else RECOMPUTE.replace("this folder", f"the folder {store / group}")
 
 

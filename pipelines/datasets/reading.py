@@ -16,6 +16,7 @@ from pipelines.datasets.metadata import (
     GroupMetadata,
     group_folder,
     read_group_metadata,
+    require_metadata,
 )
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS, Array
@@ -51,9 +52,14 @@ def _members(store: Store, group: str) -> list[str]:
     folder = group_folder(store.path, group)
     if not folder.is_dir():
         return []
-    names = sorted(p.name for p in folder.iterdir() if (p / METADATA).is_file())
+    require_metadata(store.path, group)
+    folders = sorted(entry for entry in folder.iterdir() if entry.is_dir())
+    names = [entry.name for entry in folders if (entry / METADATA).is_file()]
     for name in names:
         group_folder(store.path, f"{group}/{name}")  # refuses links: to leave them out would lose results
+    for entry in folders:
+        if entry.name not in names:
+            require_metadata(store.path, f"{group}/{entry.name}")
     return names
 
 

@@ -150,6 +150,8 @@ def _open(path: Path | str, *, read_only: bool, durable: bool) -> Store:
     if not resolved.exists():
         raise NotAStoreError("no such store", "Check the name; a computation makes one with -o", resolved)
     if not (resolved / METADATA).is_file():
+        if (resolved / "cases" / METADATA).is_file():
+            raise CorruptedError("the file is missing", RESTORE, resolved / METADATA)
         raise NotAStoreError("this is not a store", "A store is a folder with a zarr.json in it", resolved)
     metadata = read_group_metadata(resolved, "", ROOT)
     return Store(resolved, metadata.attributes, read_only, durable)

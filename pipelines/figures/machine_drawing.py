@@ -182,7 +182,7 @@ def _legend(machine: Table) -> list[Line2D | Patch]:
             facecolor=material_colour(index),
             edgecolor="#333333",
             linewidth=0.6,
-            label=str(names[index]) if index < len(names) else f"material {index}",
+            label=style.literal(str(names[index])) if index < len(names) else f"material {index}",
         )
         for index in used
     ]

@@ -40,6 +40,7 @@ PARAMETER_MAP = "viridis"
 UNSTABLE = (0, (3.5, 1.8))  # dashes of what is not stable
 DOUBLE_COLUMN = 7.2  # inches: the width of a journal page
 NOTE_WIDTH = 120  # letters in a line of the note on the machine
+TITLE_WIDTH = 72  # and of a title that is wider than the figure
 
 SETTINGS: MappingProxyType[Any, Any] = MappingProxyType(
     {
@@ -116,9 +117,12 @@ def new_figure(height: float, width: float = DOUBLE_COLUMN) -> Figure:
 
 def finish(figure: Figure, title: str, note: str = "") -> Figure:
     """Give a figure its title and, where there is one, the note on what the machine is."""
-    lines = wrap(note, NOTE_WIDTH)
+    lines = [literal(line) for line in wrap(note, NOTE_WIDTH)]
     # Blank lines below the title keep the place of the note, which is set in another type.
     heading = figure.suptitle(title + "\n " * len(lines), fontsize=9.5, fontweight="bold")
+    if heading.get_window_extent().width > figure.bbox.width:
+        parts = [part for line in title.split("\n") for part in wrapped(line, TITLE_WIDTH)]
+        heading.set_text("\n".join(parts) + "\n " * len(lines))
     if lines:
         figure.add_artist(
             Annotation(
@@ -138,6 +142,19 @@ def finish(figure: Figure, title: str, note: str = "") -> Figure:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     return figure
+
+
+def literal(text: str) -> str:
+    """A user's own text as it is drawn: a dollar begins no formula, a leading underscore hides no entry of a
+    legend.
+    """
+    escaped = text.replace("$", r"\$")
+    return r"$\_$" + escaped[1:] if escaped.startswith("_") else escaped
+
+
+def wrapped(line: str, width: int) -> list[str]:
+    """A line of a title in pieces that fit, broken between words; one with a formula as it is."""
+    return [line] if "$" in line else wrap(line, width) or [line]
 
 
 def legend_below(figure: FigureBase, handles: Sequence[Artist], columns: int = 5) -> None:

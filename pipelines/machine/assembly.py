@@ -15,12 +15,12 @@ from scipy import sparse
 
 from pipelines.case.models import Bearing as BearingTable
 from pipelines.case.models import Case
+from pipelines.case.ring_statics import THIN_RING, ring_coefficients
 from pipelines.case.scales import Scales
 
 from . import film, rates, shifted
 from .bearing import Array, Bearing, FilmSettings, FilmState, film_state, linearise_bearing, pack_bearing
 from .condensation import CondensedRotor, StateSpace, condense, state_space
-from .ring import THIN_RING, ring_coefficients, ring_displacement_from_load
 from .shaft import RotorMatrices, assemble_rotor
 
 
@@ -149,8 +149,6 @@ def film_settings(case: Case, index: int) -> FilmSettings:
         stiffness_ratio = 0.0
     else:
         stiffness_ratio = 1.0 if np.isinf(reference) else own.foil_stiffness / reference
-    # A displacement is given in clearances of either bearing; a load moves both rings by the same length.
-    amplitude = excitation.amplitudes[index] / (1.0 if excitation.load is None else own.clearance_ratio)
     return FilmSettings(
         circumferential=numerics.circumferential,
         axial=numerics.axial,
@@ -168,7 +166,7 @@ def film_settings(case: Case, index: int) -> FilmSettings:
         absolute_pressure=table.foil.pressure == "absolute",
         ring_radius=table.radius / table.clearance,
         ring_ratio=ring_ratio(case),
-        ring_amplitude=amplitude,
+        ring_amplitude=scales.ring_factors(excitation)[index],
         ring_phase=excitation.phases[index],
     )
 
@@ -186,12 +184,8 @@ def parameter_vector(case: Case) -> Array:
 
     A machine of two rigid bearings has no foil stiffness; 1 stands for it then and has no effect.
     """
-    scales, excitation = Scales.from_case(case), case.excitation
-    displacement = None
-    if excitation.load is not None:
-        assert excitation.ring is not None  # the case's own check
-        displacement = ring_displacement_from_load(excitation.ring, excitation.load) / scales.displacement
-    values = np.array(scales.parameters(case, displacement))
+    scales = Scales.from_case(case)
+    values = np.array(scales.parameters(case))
     if np.isinf(values[film.FOIL_STIFFNESS]):
         other = scales.bearings[1].foil_stiffness
         values[film.FOIL_STIFFNESS] = 1.0 if np.isinf(other) else other

@@ -14,9 +14,7 @@ from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.torus import TorusStop
 from pipelines.case.models import PARAMETERS
 from pipelines.case.reading import NamedCase
-from pipelines.case.torus_settings import torus_misfits
 from pipelines.datasets.records import ENDED, Group
-from pipelines.machine.assembly import parameter_vector
 from pipelines.stages.continue_cycles import DIRECTIONS
 from pipelines.stages.cycle_rows import EVENT_NAMES, stored_event
 from pipelines.stages.job import Job, Origin
@@ -50,28 +48,15 @@ def continue_tori(case: NamedCase, store_path: Path, report: Report, should_stop
 
 
 def _refusal(job: Job) -> StageResult | None:
-    """Why there is nothing to follow in this case, whatever is computed."""
-    case, table = job.case.case, job.case.case.continue_tori
-
-    def failed(reason: str, advice: str) -> StageResult:
-        return StageResult(job.case.case_id, False, reason, advice)
-
-    formulation = case.continue_cycles.formulation
-    for (key,), message in torus_misfits(table, case.bearings, case.excitation, formulation, case.unbalance):
-        return failed("no tori can be followed", f"continue_tori.{key}: {message}")
+    """Why there is nothing to follow in this store."""
+    table = job.case.case.continue_tori
     if table.origin == "neimark_sacker" and table.branch not in job.groups("cycles"):
-        return failed(
+        return StageResult(
+            job.case.case_id,
+            False,
             f"the store has no branch {table.branch}",
             "run `agfb continue-cycles` with the same store first, or name another continue_tori.branch",
         )
-    if table.origin == "unbalance" and table.start is None:
-        value, (low, high) = float(parameter_vector(case)[PARAMETERS.index(table.parameter)]), table.range
-        if not low <= value <= high:
-            return failed(
-                f"the case's own {table.parameter} = {value:.6g} lies outside "
-                f"continue_tori.range = [{low:g}, {high:g}]",
-                "give continue_tori.start, or another range",
-            )
     return None
 
 

@@ -179,12 +179,14 @@ def _groups(store: Store | None, case_id: str) -> dict[str, Attributes]:
 
 
 def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> There:
-    found = list(groups)
-    if not found:
-        return There.NOTHING
     table = getattr(case, extent.table)
     asked = table.model_dump(mode="json", exclude=set(extent.free))
-    if any(attributes.get("request", asked) != asked for attributes in found):
+    same = [(attributes, attributes.get("request", asked) == asked) for attributes in groups]
+    # what was asked for otherwise and has no rows is made anew
+    found = [attributes for attributes, is_same in same if is_same or attributes.get("n_points", 1)]
+    if not found:
+        return There.NOTHING
+    if not all(is_same for attributes, is_same in same if attributes in found):
         return There.OTHERWISE
     most = getattr(table, extent.most, 0)
     ended = [

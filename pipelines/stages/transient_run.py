@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 
 MOST_BLOCKS = 100_000
 _SAME_DISPLACEMENT = 1e-12
+_SAME_SPEED = 1e-6  # relative: a speed that was copied from a table with few digits
 MOST_RUNS = 1000  # t000 to t999
 _MEASURED_STEPS = 32
 
@@ -173,6 +174,15 @@ def _start(named: NamedCase, machine: Machine, store: Store | None) -> StartStat
             f"transient.excitation = {case.transient.excitation}: the run begins with the ring displacement "
             f"{begin:g}, but the rings of its start state are at {start.displacement:g}: they would jump",
             "begin as the start state is (on or off), and switch with switch_on or switch_off",
+        )
+    own_speed = float(start.parameters[film.SPEED])
+    if speed is not None and abs(speed - own_speed) > _SAME_SPEED * own_speed:
+        rpm = machine.scales.speed_rpm_per_unit
+        unit, name = (1.0, "") if case.transient.units == "dimensionless" else (rpm, " rpm")
+        raise CannotRunError(
+            f"transient.speeds: the run begins with the speed {speed * unit:.7g}{name}, but the rotor of its "
+            f"start state {case.transient.start} turns with {own_speed * unit:.7g}{name}: it would jump",
+            f"begin the table with {own_speed * unit:.10g}, or leave out times and speeds to stay at it",
         )
     return start
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from pipelines.case.models import PARAMETERS, Case
 from pipelines.case.reading import NamedCase
-from pipelines.datasets.errors import CorruptedError
+from pipelines.datasets.errors import CorruptedError, StoreError
 from pipelines.datasets.integrity import Finding
 from pipelines.datasets.integrity import verify as verify_files
 from pipelines.datasets.reading import list_cases, list_groups, read_group
@@ -60,14 +60,24 @@ def verify(store_path: Path, sample: int) -> tuple[list[Finding], list[Checked]]
     checked: list[Checked] = []
     if sample > 0:
         damaged = [finding.path for finding in findings if finding.severity == "error"]
-        for case in list_cases(store):
+        for case, groups in _groups(store, told=bool(damaged)):
             named = stored_case(store, case)
             machine = build_machine(named.case)
-            for group in list_groups(store, case):
+            for group in groups:
                 if not any((store.path / group) in (path, *path.parents) for path in damaged):
                     checked += _residuals(store, group, named.case, machine, sample)
     findings += [_misfit(store, each) for each in checked if not each.holds]
     return findings, checked
+
+
+def _groups(store: Store, told: bool) -> Iterator[tuple[str, list[str]]]:
+    """Cases with their groups; none of those that cannot be listed when their damage is ``told``."""
+    try:
+        for case in list_cases(store):
+            yield case, list_groups(store, case)
+    except StoreError:
+        if not told:
+            raise
 
 
 def stored_case(store: Store, case: str) -> NamedCase:

@@ -64,7 +64,7 @@ ONE_PROBLEM = [
         "clearance = -20.4e-6",
         20,
         "bearings.0.clearance",
-        "must be > 0: the film has no thickness otherwise",
+        "must be >= 1e-07: thinner is no gas film",
         "",
     ),
     (
@@ -130,7 +130,7 @@ def test_one_wrong_key_is_one_problem_at_its_line(problems, line, replacement, a
 def test_the_message_names_place_key_value_and_what_is_allowed(problems):
     (problem,) = problems((20, "clearance = -20.4e-6"))
     assert str(problem) == (
-        "demo.toml:20: bearings.0.clearance = -2.04e-05: must be > 0: the film has no thickness otherwise"
+        "demo.toml:20: bearings.0.clearance = -2.04e-05: must be >= 1e-07: thinner is no gas film"
     )
 
 

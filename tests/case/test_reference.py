@@ -26,7 +26,7 @@ def test_every_number_states_its_unit():
 def test_rows_state_unit_default_and_bounds():
     markdown = reference_markdown()
     assert (
-        "| `clearance` | number | radial clearance c | m |  | > 0: the film has no thickness otherwise |"
+        "| `clearance` | number | radial clearance c | m |  | >= 1e-07: thinner is no gas film |"
     ) in markdown
     assert (
         "| `gravity` | number | acceleration of gravity, along -y | m/s2 | `9.81` | >= 0 and <= 1000: "
@@ -42,7 +42,7 @@ def test_rows_state_unit_default_and_bounds():
 
 def test_the_schema_is_json_and_names_bounds():
     schema = json.loads(json.dumps(json_schema(), allow_nan=False))
-    assert schema["$defs"]["Bearing"]["properties"]["clearance"]["exclusiveMinimum"] == 0
+    assert schema["$defs"]["Bearing"]["properties"]["clearance"]["minimum"] == 1e-7
     assert schema["$defs"]["Bearing"]["properties"]["clearance"]["unit"] == "m"
     assert schema["additionalProperties"] is False
     assert "sweep" in schema["properties"]

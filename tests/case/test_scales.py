@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from pipelines.case.models import PARAMETERS, Bearing, Bump, Case, Foil, Gas
 from pipelines.case.reading import read_cases
+from pipelines.case.ring_statics import ring_displacement_from_load
 from pipelines.case.scales import Scales, film_time
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "parameter_sets.csv"
@@ -137,16 +138,16 @@ poisson_ratio = 0.3
 """
 
 
-def test_a_ring_load_needs_its_displacement_from_elsewhere(text):
-    loaded = read_cases(text + RING, "demo.toml", ("excitation.load=10",))[0].case
+def test_a_ring_load_is_a_displacement_of_the_same_length_in_both_bearings(text):
+    words = ("excitation.load=10", "bearings.1.clearance=40.8e-6", "excitation.amplitudes=[1.0, 0.5]")
+    loaded = read_cases(text + RING, "demo.toml", words)[0].case
     assert loaded.excitation.displacement is None
     scales = Scales.from_case(loaded)
-    assert scales.parameters(loaded, displacement=0.15)[2] == 0.15
-    with pytest.raises(ValueError, match="exactly when the excitation is a ring load"):
-        scales.parameters(loaded)
-    given_directly = read_cases(text, "demo.toml")[0].case
-    with pytest.raises(ValueError, match="exactly when the excitation is a ring load"):
-        scales.parameters(given_directly, displacement=0.15)
+    moved = ring_displacement_from_load(loaded.excitation.ring, 10.0)
+    assert scales.parameters(loaded)[2] == pytest.approx(moved / 20.4e-6, rel=1e-14)
+    assert scales.ring_factors(loaded.excitation) == pytest.approx((1.0, 0.25), rel=1e-14)
+    given_directly = read_cases(text, "demo.toml", words[1:])[0].case
+    assert Scales.from_case(given_directly).ring_factors(given_directly.excitation) == (1.0, 0.5)
 
 
 def test_rotor_geometry(text):

@@ -19,6 +19,7 @@ from hypothesis.extra import numpy as hnp
 from pipelines.datasets import durable
 from pipelines.datasets.branch import open_branch, write_group
 from pipelines.datasets.errors import LockedStoreError, OtherConfigurationError, StoreError
+from pipelines.datasets.integrity import verify
 from pipelines.datasets.layout import ArrayLayout, layout
 from pipelines.datasets.locking import GroupLock
 from pipelines.datasets.reading import describe, read_branch, read_group
@@ -210,10 +211,23 @@ def test_another_branch_in_its_place_is_refused(store: Store) -> None:
 
 def test_of_two_requests_only_what_differs_is_told(store: Store) -> None:
     request = {"step": 0.02, "range": [1.0, 2.0]}
-    open_branch(store, GROUP, "cycles", LEAN, {}, {"request": request}).close()
+    with open_branch(store, GROUP, "cycles", LEAN, {}, {"request": request}) as writer:
+        extend(writer, 1)
     with pytest.raises(OtherConfigurationError) as error:
         open_branch(store, GROUP, "cycles", LEAN, {}, {"request": {**request, "step": 0.01}})
     assert error.value.message.endswith("request is {'step': 0.02} in the store and {'step': 0.01} now")
+
+
+def test_a_branch_without_rows_is_made_as_it_is_asked_for_now(store: Store) -> None:
+    """As after a corrected configuration: nothing that was computed is lost."""
+    with open_branch(store, GROUP, "cycles", LEAN, {}, {"parameter": "speed"}) as writer:
+        writer.finish("no_start", "Choose another start")
+    open_branch(store, GROUP, "cycles", {**LEAN, "component": 8}, {}, {"parameter": "speed"}).close()
+    with open_branch(store, GROUP, "cycles", LEAN, {}, {"parameter": "period"}) as writer:
+        assert (writer.status, writer.n_points) == ("running", 0)
+        extend(writer, 2)
+    assert read_branch(store, GROUP).attributes["parameter"] == "period"
+    assert verify(store) == []
 
 
 def test_second_writer_is_refused_with_the_process_of_the_first(store: Store) -> None:

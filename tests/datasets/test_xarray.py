@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import warnings
 from pathlib import Path
@@ -59,6 +60,15 @@ def test_xarray_opens_without_arguments(finished: Path) -> None:
         warnings.filterwarnings("ignore", "Failed to open Zarr store with consolidated metadata")
         tree = xarray.open_datatree(finished, engine="zarr")
     assert tree[GROUP].attrs["n_points"] == 20
+
+
+def test_the_lines_of_the_readme_are_silent(finished: Path) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^```python\n(import xarray.*?)^```", readme, flags=re.DOTALL | re.MULTILINE)
+    block = block.replace("build/smoke.zarr", str(finished)).replace("cases/smoke/cycles/b000", GROUP)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        exec(block, {})
 
 
 def test_xarray_and_our_reader_open_a_store_mid_run(store: Store) -> None:

@@ -157,3 +157,12 @@ def test_a_refined_point_takes_a_part_of_every_grid(monkeypatch: pytest.MonkeyPa
 def test_an_explicit_stepper_that_needs_very_many_steps_is_measured_on_few() -> None:
     case = tiny_case("numerics.stepper='rk4'", "bearings.foil.loss_factor=1e-5")
     assert Durations().of_cycle(case.case) > Durations().of_cycle(tiny_case().case)
+
+
+def test_a_branch_without_rows_is_still_to_come_when_it_is_asked_for_otherwise(tmp_path: Path) -> None:
+    store, away = tmp_path / "a.zarr", "continue_cycles.minimum_film=0.99"
+    assert not Watched("continue_cycles", tiny_case(away), store).result.ok
+    other = tiny_case("continue_cycles.max_points=2")
+    found = planned(other, store, "continue_cycles")["continue_cycles"]
+    assert (found.there, found.points) == (There.NOTHING, 0)
+    assert Watched("continue_cycles", other, store).result.ok

@@ -244,6 +244,35 @@ def test_a_start_whose_rings_would_jump(everything):
     assert "would jump" in error.reason
 
 
+@pytest.mark.parametrize("units", ["dimensionless", "si"])
+def test_a_start_whose_speed_would_jump(everything, units):
+    """The last checkpoint turns with the speed 1, which a table must begin with; a copied number will do."""
+    scales = build_machine(tiny_case().case).scales
+    rpm, second = (1.0, 1.0) if units == "dimensionless" else (scales.speed_rpm_per_unit, scales.time)
+    length = (f"transient.duration={20.0 * second!r}", f"transient.times=[0.0, {12.0 * second!r}]")
+    words = (*SHORT, *UNBALANCE, "transient.start=transient/t000", f"transient.units={units}", *length)
+
+    def beginning(speed: float) -> str:
+        return f"transient.speeds=[{speed!r}, {0.8 * rpm!r}]"
+
+    error = refused(everything, *words, beginning(0.6 * rpm))
+    assert error.reason.startswith("transient.speeds: ")
+    assert f"{rpm:.7g}" in error.reason
+    assert "would jump" in error.reason
+    copied = float(error.advice.split("begin the table with ")[1].split(",")[0])
+    assert copied == pytest.approx(rpm, rel=1e-9)
+    drive = prepare_run(tiny_case(*words, beginning(copied)), open_for_reading(everything)).drive
+    assert float(drive.speed(np.array(0.0))) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_cycle_of_another_speed_would_jump(tmp_path):
+    store = tmp_path / "run.zarr"
+    Watched("continue_cycles", tiny_case("continue_cycles.max_points=1"), store)
+    error = refused(store, *SHORT, *RUN_UP, "transient.start=cycles/b000")
+    assert "the run begins with the speed 0.7" in error.reason
+    assert "its start state cycles/b000 turns with 1.14" in error.reason
+
+
 def test_a_start_of_another_grid(tmp_path):
     """A group whose states have another size, as after copying it from another store."""
     store = tmp_path / "run.zarr"

@@ -109,3 +109,11 @@ def test_the_command(store: Path) -> None:
     content = json.loads(done.stdout)
     assert [each["row"] for each in content["residuals"] if not each["holds"]] == [1]
     assert content["findings"][0]["severity"] == "error"
+
+
+def test_a_branch_without_its_metadata_is_told_once_with_everything_else(store: Path) -> None:
+    (store / "cases" / "smoke" / "cycles" / "b000" / "zarr.json").unlink()
+    (store / "cases" / "smoke" / "linear" / "zarr.json").unlink()
+    findings, _ = verify(store, 3)
+    wrong = {finding.path.parent.name for finding in findings if finding.severity == "error"}
+    assert wrong == {"b000", "linear", "ns"}, "and the curve whose origin is on the branch"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipelines.case.models import Ring
-from pipelines.machine.ring import THIN_RING, RingCoefficients, ring_coefficients
+from pipelines.case.ring_statics import THIN_RING, RingCoefficients, ring_coefficients
 
 TABLE = Path(__file__).parents[1] / "reference" / "ring_coefficients.csv"
 with TABLE.open(newline="") as _file:

@@ -1,0 +1,159 @@
+"""What a stage asks of the tables that it reads, beyond the form of each key.
+
+These checks belong to the stage that is asked for: a table never stops a stage that does not read it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+
+from pipelines.case.calibrate_settings import calibration_misfits
+from pipelines.case.fields import Misfit, Path
+from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.plausible import implausible_values
+from pipelines.case.scales import Scales
+from pipelines.case.torus_settings import torus_misfits
+from pipelines.case.transient_settings import transient_misfits
+
+Check = Callable[[Case], Iterator[Misfit]]
+
+NO_PERIOD = (
+    'the stroboscopic period is 2 pi/Omega_ex: give excitation.frequency, or formulation = "autonomous" for '
+    "self-excited cycles"
+)
+NO_EFFECT = "has no effect at displacement 0: nothing depends on the excitation frequency"
+CLOSED = "times the largest of excitation.amplitudes must stay below 1: the ring closes the film"
+
+
+def machine_misfits(case: Case) -> Iterator[Misfit]:
+    """What no stage can compute, each with its path in the case."""
+    for table in ("operation", "excitation", "unbalance"):
+        yield from implausible_values(case, table)
+
+
+def stage_misfits(case: Case, stage: str) -> Iterator[Misfit]:
+    """What makes a stage (of `STAGE_TABLES`) impossible for a case, each with its path in the case."""
+    for table in STAGE_TABLES[stage]:
+        yield from implausible_values(case, table)
+    yield from _CHECKS.get(stage, _nothing)(case)
+
+
+def _nothing(case: Case) -> Iterator[Misfit]:
+    yield from ()
+
+
+def _cycles(case: Case) -> Iterator[Misfit]:
+    table, at = case.continue_cycles, ("continue_cycles",)
+    self_excited = table.formulation == "autonomous" and _is_passive(case)
+    yield from _along(case, table.parameter, table.range, at)
+    if not (self_excited and table.parameter == "speed"):  # which begins at a Hopf point
+        yield from _own_value(case, table.parameter, table.range, table.start, at)
+    if _unforced(case) and (table.formulation == "stroboscopic" or table.parameter == "displacement"):
+        yield (*at, "formulation"), NO_PERIOD
+
+
+def _curves(case: Case) -> Iterator[Misfit]:
+    table = case.track_curves
+    for index, (name, interval) in enumerate(zip(table.parameters, table.ranges, strict=True)):
+        for path, message in _along(case, name, interval, ()):
+            key = "parameters" if path == ("parameter",) else "ranges"
+            yield ("track_curves", key, index), message
+    if _unforced(case) and case.continue_cycles.formulation == "stroboscopic":
+        yield ("continue_cycles", "formulation"), NO_PERIOD
+
+
+def _set(case: Case) -> Iterator[Misfit]:
+    """The search itself says where there is nothing to search: that is a result."""
+    if not _is_passive(case):
+        yield from _curves(case)
+
+
+def _tori(case: Case) -> Iterator[Misfit]:
+    table, at = case.continue_tori, ("continue_tori",)
+    yield from _along(case, table.parameter, table.range, at)
+    if table.origin == "unbalance":
+        yield from _own_value(case, table.parameter, table.range, table.start, at)
+    formulation = case.continue_cycles.formulation
+    for path, message in torus_misfits(table, case.excitation, formulation, case.unbalance):
+        yield (*at, *path), message
+
+
+def _transient(case: Case) -> Iterator[Misfit]:
+    for path, message in transient_misfits(case.transient, case.excitation):
+        yield ("transient", *path), message
+
+
+def _calibration(case: Case) -> Iterator[Misfit]:
+    if case.calibrate is None:
+        yield (
+            ("calibrate",),
+            "no table [calibrate]: give [[calibrate.parameters]] (keys, range) and [[calibrate.targets]] "
+            "(value); `agfb schema --md` describes them",
+        )
+        return
+    document = case.model_dump(mode="json", exclude={"calibrate"})
+    yield from calibration_misfits(case.calibrate, document, case.with_values)
+
+
+def _along(case: Case, name: str, interval: Sequence[float], at: Path) -> Iterator[Misfit]:
+    """Whether the machine has the parameter, over the whole range."""
+    scales = Scales.from_case(case)
+    if name == "foil_stiffness" and any(bearing.foil.rigid for bearing in case.bearings):
+        yield (*at, "parameter"), "a rigid bearing has no foil stiffness to continue"
+    if name == "excitation_frequency" and _is_passive(case):
+        yield (*at, "parameter"), NO_EFFECT
+    if name == "displacement" and max(scales.ring_factors(case.excitation)) * interval[1] >= 1.0:
+        yield (*at, "range"), CLOSED
+
+
+def _own_value(
+    case: Case, name: str, interval: Sequence[float], start: float | None, at: Path
+) -> Iterator[Misfit]:
+    """Whether a branch that has no ``start`` can begin at the case's own value."""
+    low, high = interval
+    value = Scales.from_case(case).parameters(case)[PARAMETERS.index(name)]
+    if start is None and not low <= value <= high:
+        yield (
+            (*at, "range"),
+            f"[{low:g}, {high:g}] does not contain the case's own {name} = {value:.6g}, where the branch "
+            "starts: give start, or another range",
+        )
+
+
+def _is_passive(case: Case) -> bool:
+    return Scales.from_case(case).ring_displacement(case.excitation) == 0.0
+
+
+def _unforced(case: Case) -> bool:
+    return case.excitation.frequency is None and case.excitation.frequency_hz is None
+
+
+STAGE_TABLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "linearize": ("linearize",),
+        "criticals": ("criticals",),
+        "continue_cycles": ("continue_cycles", "linearize"),  # a whirl is sought along linearize.speed_range
+        "track_pd": ("track_curves",),
+        "track_ns": ("track_curves",),
+        "track_folds": ("track_curves",),
+        "bifurcation_set": ("bifurcation_set", "track_curves"),
+        "refine": ("refine",),
+        "transient": ("transient",),
+        "continue_tori": ("continue_tori",),
+        "calibrate": ("calibrate",),
+    }
+)
+"""The tables of a case that a stage reads beside those of the machine, its own first."""
+_CHECKS: Mapping[str, Check] = MappingProxyType(
+    {
+        "continue_cycles": _cycles,
+        "track_pd": _curves,
+        "track_ns": _curves,
+        "track_folds": _curves,
+        "bifurcation_set": _set,
+        "transient": _transient,
+        "continue_tori": _tori,
+        "calibrate": _calibration,
+    }
+)
