@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 from agfb_cli.completion import whole_words
 from agfb_cli.console import Console
 from agfb_cli.errors import ExitCode, Explanation
+from agfb_cli.surroundings import settle
 
 ASKED_FOR_JSON = "agfb_cli.json"
 # UsageError, which typer exports under no name of its own
@@ -25,6 +26,7 @@ class Program(TyperGroup):
 
     def main(self, *others: Any, **more: Any) -> Any:
         """Run the program, or answer the shell."""
+        settle()
         with whole_words():
             return super().main(*others, **more)
 

@@ -89,10 +89,12 @@ METADATA: MappingProxyType[str, dict[str, Any]] = MappingProxyType(
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Settings of this project while the block runs, starting from matplotlib's own defaults."""
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams.update(dict(SETTINGS))
+    """Settings of this project while the block runs, starting from matplotlib's own defaults.
+
+    `matplotlib.rcdefaults` would load the user's styles too, and stop at one that cannot be read.
+    """
+    defaults = {key: value for key, value in mpl.rcParamsDefault.items() if "backend" not in key}
+    with mpl.rc_context({**defaults, **SETTINGS}):
         yield
 
 
