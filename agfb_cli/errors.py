@@ -93,10 +93,8 @@ def explain(error: BaseException) -> Explanation:
         return Explanation(ExitCode.USAGE, str(error))
     if _is_from(error, "pipelines.datasets.store", "StoreError"):
         return _explain_store_error(error)
-    if _is_from(error, "pipelines.stages.campaign", "ClusterError"):
-        return Explanation(
-            ExitCode.RESOURCES, str(error), "`dask scheduler` prints its address; or leave --scheduler out"
-        )
+    if _is_from(error, "pipelines.stages.pool", "ClusterError"):
+        return Explanation(ExitCode.RESOURCES, str(error), getattr(error, "advice", ""))
     if isinstance(error, MemoryError):
         return Explanation(
             ExitCode.RESOURCES, "out of memory", "use a smaller grid or fewer workers; " + _RESUMES
