@@ -136,8 +136,12 @@ def _explain_system_error(error: OSError) -> Explanation:
             f"{where}{error.strerror}",
             "was it removed or renamed while the command ran? The same command computes what is missing",
         )
-    if error.errno is None or error.errno in _WRONG_CALL:
+    if error.errno in _WRONG_CALL:
         return _bug(error)
+    if error.errno is None:  # a library's own, for instance llvmlite's where it cannot be loaded
+        return Explanation(
+            ExitCode.RESOURCES, f"{error}", "is there memory enough? `agfb doctor` checks the installation"
+        )
     return Explanation(
         ExitCode.RESOURCES,
         f"{where}{error.strerror}",

@@ -33,6 +33,7 @@ ERRORS = [
     (OSError(errno.ENOSPC, "No space left on device", "a.zarr"), ExitCode.RESOURCES, "a.zarr: no space left"),
     (OSError(errno.EDQUOT, "Disk quota exceeded", "a.zarr"), ExitCode.RESOURCES, "quota"),
     (OSError(errno.EMFILE, "Too many open files"), ExitCode.RESOURCES, "open files"),
+    (OSError("Could not load shared object file 'a.so'"), ExitCode.RESOURCES, "a.so"),
     (OSError(errno.ENOMEM, "Cannot allocate memory"), ExitCode.RESOURCES, "out of memory"),
     (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), ExitCode.RESOURCES, "processes"),
     (BrokenPipeError(errno.EPIPE, "Broken pipe"), ExitCode.RESOURCES, "Broken pipe"),
