@@ -47,8 +47,8 @@ def settings_of_dask(pool: Pool) -> Iterator[None]:
         for name in _variables():
             del os.environ[name]
     try:
-        import distributed  # noqa: F401
-    except ImportError:
+        import pipelines.stages.campaign  # noqa: F401 - and Dask with it
+    except (ImportError, MemoryError, OSError):
         raise
     except Exception as error:
         message = f"Dask cannot use its settings: {type(error).__name__}: {error}"
