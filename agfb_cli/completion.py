@@ -17,6 +17,8 @@ from typing import Any
 
 import typer
 
+from agfb_cli.surroundings import load_matplotlib
+
 VARIABLE = "_AGFB_COMPLETE"
 Answers = list[str]
 Completer = Callable[[typer.Context, str], Answers]
@@ -97,6 +99,7 @@ def assignments(ctx: typer.Context, incomplete: str) -> Answers:
 @silent
 def figure_kinds(ctx: typer.Context, incomplete: str) -> Answers:
     """Kinds of figures."""
+    load_matplotlib()
     from pipelines.figures.drawing import FIGURE_KINDS
 
     return list(FIGURE_KINDS)
@@ -105,6 +108,7 @@ def figure_kinds(ctx: typer.Context, incomplete: str) -> Answers:
 @silent
 def figure_formats(ctx: typer.Context, incomplete: str) -> Answers:
     """Formats of figures."""
+    load_matplotlib()
     from pipelines.figures.style import FORMATS
 
     return list(FORMATS)

@@ -39,7 +39,7 @@ class Console:
 
     def data(self, text: str) -> None:
         """Write a result to stdout."""
-        print(text, file=sys.stdout)
+        print(text, file=sys.stdout, flush=True)
 
     def json_data(self, value: Any, indent: int | None = 2) -> None:
         """Write a result to stdout as JSON, in ASCII; NaN is refused because JSON has none. Without `indent`

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import sys
 import traceback
 from collections.abc import Iterator
@@ -64,8 +63,21 @@ _EXHAUSTED = {
     errno.EMFILE: "too many open files",
     errno.ENFILE: "too many open files",
     errno.ENOMEM: "out of memory",
+    errno.EAGAIN: "too many processes or threads",
+    errno.ENOLCK: "no file locks left",
 }
-_FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)
+_FORBIDDEN = (
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+    errno.ENOTDIR,
+    errno.EISDIR,
+    errno.EEXIST,
+    errno.ENOTEMPTY,
+    errno.ENAMETOOLONG,
+    errno.ELOOP,
+)
+_WRONG_CALL = (errno.EBADF, errno.ECHILD, errno.EFAULT)  # what no state of the system brings about
 _RESUMES = "what was committed is kept; the same command goes on from there"
 
 
@@ -81,10 +93,8 @@ def explain(error: BaseException) -> Explanation:
         return Explanation(ExitCode.USAGE, str(error))
     if _is_from(error, "pipelines.datasets.store", "StoreError"):
         return _explain_store_error(error)
-    if _is_from(error, "pipelines.stages.campaign", "ClusterError"):
-        return Explanation(
-            ExitCode.RESOURCES, str(error), "`dask scheduler` prints its address; or leave --scheduler out"
-        )
+    if _is_from(error, "pipelines.stages.pool", "ClusterError"):
+        return Explanation(ExitCode.RESOURCES, str(error), getattr(error, "advice", ""))
     if isinstance(error, MemoryError):
         return Explanation(
             ExitCode.RESOURCES, "out of memory", "use a smaller grid or fewer workers; " + _RESUMES
@@ -113,7 +123,9 @@ def _explain_system_error(error: OSError) -> Explanation:
     if error.errno in _FULL:
         return Explanation(ExitCode.RESOURCES, where + _FULL[error.errno], "make room; " + _RESUMES)
     if error.errno in _EXHAUSTED:
-        return Explanation(ExitCode.RESOURCES, where + _EXHAUSTED[error.errno], _RESUMES)
+        return Explanation(
+            ExitCode.RESOURCES, where + _EXHAUSTED[error.errno], f"raise the limit (`ulimit -a`); {_RESUMES}"
+        )
     if error.errno in _FORBIDDEN:
         return Explanation(
             ExitCode.STORE, f"{where}{error.strerror}", "name a directory that you may write to with -o"
@@ -126,11 +138,17 @@ def _explain_system_error(error: OSError) -> Explanation:
             f"{where}{error.strerror}",
             "was it removed or renamed while the command ran? The same command computes what is missing",
         )
-    if error.errno == errno.EIO:
+    if error.errno in _WRONG_CALL:
+        return _bug(error)
+    if error.errno is None:  # a library's own, for instance llvmlite's where it cannot be loaded
         return Explanation(
-            ExitCode.RESOURCES, f"{where}{error.strerror}", "the disk or network file system fails"
+            ExitCode.RESOURCES, f"{error}", "is there memory enough? `agfb doctor` checks the installation"
         )
-    return _bug(error)
+    return Explanation(
+        ExitCode.RESOURCES,
+        f"{where}{error.strerror}",
+        f"the disk, the network or its file system fails; {_RESUMES}",
+    )
 
 
 def _bug(error: BaseException) -> Explanation:
@@ -151,17 +169,11 @@ def explained(console: Console) -> Iterator[None]:
     """Run a command's body; turn every error into a message on stderr and an exit code."""
     try:
         yield
-        sys.stdout.flush()
     except typer.Exit:
         raise
     except KeyboardInterrupt:
         _report(Explanation(ExitCode.INTERRUPTED, "interrupted"), console, "interrupted")
         raise typer.Exit(ExitCode.INTERRUPTED) from None
-    except BrokenPipeError:
-        # The reader of our output (`| head`) has seen enough; Python must not flush into the closed pipe at
-        # exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise typer.Exit(ExitCode.DONE) from None
     except Exception as error:
         if console.traceback:
             console.error("".join(traceback.format_exception(error)).rstrip())

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
-from io import TextIOWrapper
 from typing import Annotated
 
 import typer
@@ -90,23 +88,10 @@ def agfb(
     """
     for name in BLAS_THREAD_VARIABLES:
         os.environ.setdefault(name, "1")
-    _make_streams_writable()
     if context.invoked_subcommand is None:
         context.fail("Missing command.")
     if json:
         context.fail("--json belongs behind the command.")
-
-
-def _make_streams_writable() -> None:
-    """Let every text be written: also to a stream that the caller closed, which Python replaces by None, and
-    with characters that the stream's encoding lacks.
-    """
-    for name in ("stdout", "stderr"):
-        stream = getattr(sys, name)
-        if stream is None:
-            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - it lives as long as the process
-        elif isinstance(stream, TextIOWrapper) and stream.errors == "strict":
-            stream.reconfigure(errors="backslashreplace")
 
 
 app.command("linearize", help=linearize.HELP)(linearize.linearize)

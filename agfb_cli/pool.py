@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from agfb_cli.errors import UsageError
-from pipelines.stages.pool import Pool
+from pipelines.stages.pool import ClusterError, Pool
 
 SCHEMES = ("tcp://", "tls://")
 
@@ -33,3 +35,36 @@ def choose_pool(workers: int | None, scheduler: str | None) -> Pool | None:
             "leave --workers out, or --scheduler",
         )
     return Pool(address=scheduler)
+
+
+@contextmanager
+def settings_of_dask(pool: Pool) -> Iterator[None]:
+    """Import Dask and run what uses it: for workers of this machine without the variables that its users set.
+
+    Dask reads files of settings when it is imported. Raises ClusterError for those that it cannot use.
+    """
+    if pool.address is None:
+        for name in _variables():
+            del os.environ[name]
+    try:
+        import pipelines.stages.campaign  # noqa: F401 - and Dask with it
+    except (ImportError, MemoryError, OSError):
+        raise
+    except Exception as error:
+        message = f"Dask cannot use its settings: {type(error).__name__}: {error}"
+        raise ClusterError(message, _settings_advice()) from error
+    try:
+        yield
+    except ClusterError as error:
+        advice = f"{error.advice}; {_settings_advice()}" if _variables() else error.advice
+        raise ClusterError(str(error), advice) from error
+
+
+def _variables() -> list[str]:
+    return sorted(name for name in os.environ if name.startswith("DASK_"))
+
+
+def _settings_advice() -> str:
+    if names := _variables():
+        return f"are these variables of the environment right: {', '.join(names)}?"
+    return "mend or remove the file of settings, or leave out --workers and --scheduler"

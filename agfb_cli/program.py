@@ -11,7 +11,9 @@ from typer.core import TyperGroup
 
 from agfb_cli.completion import whole_words
 from agfb_cli.console import Console
-from agfb_cli.errors import ExitCode, Explanation
+from agfb_cli.errors import ExitCode, Explanation, explain
+from agfb_cli.streams import unfailing_streams
+from agfb_cli.surroundings import settle
 
 ASKED_FOR_JSON = "agfb_cli.json"
 # UsageError, which typer exports under no name of its own
@@ -24,9 +26,21 @@ class Program(TyperGroup):
     """
 
     def main(self, *others: Any, **more: Any) -> Any:
-        """Run the program, or answer the shell."""
-        with whole_words():
-            return super().main(*others, **more)
+        """Run the program, or answer the shell. Texts that could not be written are an error at the end."""
+        settle()
+        with unfailing_streams() as streams:
+            try:
+                with whole_words():
+                    return super().main(*others, **more)
+            except SystemExit as stop:
+                for stream in streams:
+                    stream.flush()
+                lost = next((stream.lost for stream in streams if stream.lost is not None), None)
+                if lost is None or stop.code not in (ExitCode.DONE, ExitCode.CASES_FAILED):
+                    raise
+                explanation = explain(lost)
+                Console().error(explanation.text)
+                raise SystemExit(int(explanation.code)) from None
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take the words before the command."""

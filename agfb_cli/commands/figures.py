@@ -14,6 +14,7 @@ from agfb_cli.console import Console
 from agfb_cli.errors import UsageError, explained
 from agfb_cli.inputs import beside, existing_store
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
+from agfb_cli.surroundings import load_matplotlib
 
 Directory = Annotated[
     Path | None,
@@ -90,6 +91,7 @@ def draw(
     console: Console,
 ) -> list[Path]:
     """Draw figures and return their paths; what is left out and why goes to stderr."""
+    load_matplotlib()
     from pipelines.datasets.reading import list_cases
     from pipelines.datasets.store import open_for_reading
     from pipelines.figures.drawing import ALL_KINDS, draw_figures, draw_one_figure

@@ -6,6 +6,7 @@ import inspect
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,7 +35,7 @@ from agfb_cli.options import (
     Verbose,
     Workers,
 )
-from agfb_cli.pool import choose_pool
+from agfb_cli.pool import choose_pool, settings_of_dask
 from agfb_cli.progress import ProgressReporter
 from agfb_cli.timing import seconds_spent, where_time_went
 
@@ -220,17 +221,19 @@ def compute(
         for stage in stages:  # also for the workers, which load what is compiled here
             stage_function(stage)
     work = (stages, named_cases, request.store)
-    if request.pool is None:
-        arriving = run_stages(*work, reporter, interruption.requested)
-    else:
-        from pipelines.stages.campaign import run_campaign
+    with ExitStack() as stack:
+        if request.pool is None:
+            arriving = run_stages(*work, reporter, interruption.requested)
+        else:
+            stack.enter_context(settings_of_dask(request.pool))
+            from pipelines.stages.campaign import run_campaign
 
-        arriving = run_campaign(*work, request.pool, reporter, interruption.requested)
-    for stage, result in recorded(arriving, request.store, interruption.requested):
-        outcome.results.append((stage, result))
-        reporter.ended(stage, result.case_id)
-        if not interruption.requested():
-            announce(stage, result, console)
+            arriving = run_campaign(*work, request.pool, reporter, interruption.requested)
+        for stage, result in recorded(arriving, request.store, interruption.requested):
+            outcome.results.append((stage, result))
+            reporter.ended(stage, result.case_id)
+            if not interruption.requested():
+                announce(stage, result, console)
     outcome.elapsed = time.monotonic() - begin
     return outcome
 

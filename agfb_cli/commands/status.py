@@ -16,6 +16,7 @@ from agfb_cli.errors import explained
 from agfb_cli.inputs import existing_store
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 from agfb_cli.progress import duration
+from agfb_cli.streams import is_unread
 
 if TYPE_CHECKING:
     from pipelines.datasets.failures import Failure
@@ -83,7 +84,7 @@ def status(
                 console.json_data({"store": str(path), **seen.as_dict()}, 2 if watch is None else None)
             else:
                 show(seen, console)
-            if watch is None or not seen.is_alive:
+            if watch is None or not seen.is_alive or is_unread():
                 return
             time.sleep(watch)
 

@@ -6,10 +6,10 @@ that restores the caller's settings, and are plain ``Figure`` objects that pyplo
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
+from io import BytesIO
 from pathlib import Path
 from textwrap import wrap
 from types import MappingProxyType
@@ -20,6 +20,8 @@ from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.text import Annotation
+
+from pipelines.datasets.durable import make_folder, replace_file
 
 Arguments = ParamSpec("Arguments")
 
@@ -90,10 +92,12 @@ METADATA: MappingProxyType[str, dict[str, Any]] = MappingProxyType(
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Settings of this project while the block runs, starting from matplotlib's own defaults."""
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams.update(dict(SETTINGS))
+    """Settings of this project while the block runs, starting from matplotlib's own defaults.
+
+    `matplotlib.rcdefaults` would load the user's styles too, and stop at one that cannot be read.
+    """
+    defaults = {key: value for key, value in mpl.rcParamsDefault.items() if "backend" not in key}
+    with mpl.rc_context({**defaults, **SETTINGS}):
         yield
 
 
@@ -184,18 +188,17 @@ def placeholder(title: str, message: str, note: str = "") -> Figure:
 def save_figure(figure: Figure, path: Path) -> Path:
     """Write a figure as PNG, SVG or PDF (by the suffix); equal figures give equal bytes.
 
-    The file appears at once and whole: it is written beside its place and then moved.
-
-    Raises ValueError for any other suffix.
+    The file appears at once and whole. Raises ValueError for any other suffix, and OSError, naming the file:
+    some of matplotlib's formats would say something else about a full disk.
     """
     kind = path.suffix.removeprefix(".")
     if kind not in FORMATS:
         raise ValueError(
             f"cannot draw {path.name}: the format must be one of {', '.join(FORMATS)}, not {kind!r}"
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(path.name + ".partial")
+    drawn = BytesIO()
     with styled():
-        figure.savefig(unfinished, format=kind, metadata=METADATA[kind])
-    os.replace(unfinished, path)
+        figure.savefig(drawn, format=kind, metadata=METADATA[kind])
+    make_folder(path.parent, durable=False)
+    replace_file(path, drawn.getbuffer(), durable=False)
     return path

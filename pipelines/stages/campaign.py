@@ -9,13 +9,15 @@ out here, one to a worker.
 
 from __future__ import annotations
 
+import logging
 import math
 import queue
 import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -27,7 +29,8 @@ from distributed.client import FutureCancelledError
 from distributed.comm.core import CommClosedError
 
 from pipelines.case.reading import NamedCase
-from pipelines.stages.pool import Pool
+from pipelines.datasets.watching import progress, watch
+from pipelines.stages.pool import ClusterError, Pool
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.scheduling import run_task, task
 
@@ -37,7 +40,8 @@ _SECONDS_BETWEEN_REPORTS = 0.5
 _SECONDS_BETWEEN_QUESTIONS = 0.5  # whether to stop; each is a message to the scheduler
 _SECONDS_BETWEEN_LOOKS = 0.05
 _SECONDS_BETWEEN_COUNTS = 0.5  # of the workers; each is a message to the scheduler
-_DEATHS = 2  # of workers with the same task, after which it is tried once more
+_DEATHS = 3  # of workers with the same task, without a point committed in between
+_STARTS = 3  # of the workers on this machine
 _WITHOUT_WORKERS = 120  # s
 _CONNECTION_TIMEOUT = 15  # s
 
@@ -51,13 +55,9 @@ SETTINGS: Mapping[str, Any] = MappingProxyType(
         "distributed.worker.profile.enabled": False,
         "distributed.admin.tick.interval": "1s",
         "distributed.admin.system-monitor.interval": "5s",
-        "logging": {"distributed": "critical", "tornado": "critical"},
+        "logging": {"distributed": "critical", "tornado": "critical", "asyncio": "critical"},
     }
 )
-
-
-class ClusterError(RuntimeError):
-    """There is no cluster at the address."""
 
 
 def run_campaign(
@@ -75,9 +75,13 @@ def run_campaign(
     `run_stages` does.
     """
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set(dict(SETTINGS)))
-        stack.enter_context(_lost_connections())
-        client = stack.enter_context(_client(pool, len(cases), stack))
+        stack.enter_context(dask.config.set(_settings(pool)))
+        for name, level in SETTINGS["logging"].items():  # what goes wrong is told as a ClusterError
+            logging.getLogger(name).setLevel(level.upper())
+        stack.enter_context(_lost_connections(pool))
+        client = _client(pool, len(cases), should_stop, stack)
+        if client is None:
+            return
         events: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         client.subscribe_topic(_TOPIC, lambda event: events.put(event[1]))
         stack.callback(client.unsubscribe_topic, _TOPIC)
@@ -85,43 +89,96 @@ def run_campaign(
         stop.clear()
         waiting = deque(_Chain(case, list(stages)) for case in cases)
         yield from _Campaign(
-            client, stop, _told(events, report), should_stop, store_path.resolve(), waiting
+            client, pool, stop, _told(events, report), should_stop, store_path.resolve(), waiting
         ).results()
 
 
+def _settings(pool: Pool) -> dict[str, Any]:
+    """A cluster is reached as its site says; workers of this machine need nothing but Dask's own defaults."""
+    site = {} if pool.address is not None else dask.config.merge(*dask.config.defaults)
+    return {**site, **SETTINGS}
+
+
+def _advice(pool: Pool) -> str:
+    resumes = "what was committed is kept; the same command goes on from there"
+    if pool.address is None:
+        return f"choose fewer --workers, or leave the option out: memory or processes ran short; {resumes}"
+    return f"`dask scheduler` prints its address, `dask worker ADDRESS` adds a worker; {resumes}"
+
+
 @contextmanager
-def _lost_connections() -> Iterator[None]:
+def _lost_connections(pool: Pool) -> Iterator[None]:
     """To Dask a lost connection, or one that is not made in time, is an error of the operating system; it is
     none of the disk's, which have a number.
     """
+    lost = "the connection to the cluster is lost" if pool.address else "the workers are lost"
     try:
         yield
     except FutureCancelledError as error:  # nothing else cancels what is still asked for
-        raise ClusterError(f"the connection to the cluster is lost: {error}") from error
+        raise ClusterError(f"{lost}: {error}", _advice(pool)) from error
     except OSError as error:
         if error.errno is not None and not isinstance(error, CommClosedError):
             raise
-        raise ClusterError(f"the connection to the cluster is lost: {error}") from error
+        raise ClusterError(f"{lost}: {error}", _advice(pool)) from error
 
 
-def _client(pool: Pool, cases: int, stack: ExitStack) -> Client:
-    if pool.address is None:
-        cluster = LocalCluster(
-            n_workers=min(pool.workers, cases),
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address=None,
-            memory_limit=None,
-            silence_logs=50,
-        )
-        client = Client(stack.enter_context(cluster))
-        client.register_plugin(_IgnoreInterrupts(), name="agfb-interrupts")
-        return client
+def _client(pool: Pool, cases: int, should_stop: ShouldStop, stack: ExitStack) -> Client | None:
+    """The cluster; None when it was asked to stop before there was one."""
+    if pool.address is not None:
+        client = _connected(pool, should_stop)
+        return None if client is None else stack.enter_context(client)
+    client = stack.enter_context(Client(stack.enter_context(_own_cluster(pool, min(pool.workers, cases)))))
+    client.register_plugin(_IgnoreInterrupts(), name="agfb-interrupts")
+    return client
+
+
+def _own_cluster(pool: Pool, workers: int) -> LocalCluster:
+    """Workers on this machine. One that dies while they start is no reason to give up."""
+    for attempt in range(1, _STARTS + 1):
+        try:
+            return LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                # Dask would take the port of dashboards for what it serves without one
+                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+                memory_limit=None,
+                silence_logs=50,
+            )
+        except Exception as error:  # Dask wraps whatever it was
+            if attempt == _STARTS:
+                raise ClusterError(f"the workers do not start: {error}", _advice(pool)) from error
+    raise AssertionError
+
+
+def _connected(pool: Pool, should_stop: ShouldStop) -> Client | None:
+    """The cluster at an address. Raises ClusterError where there is none.
+
+    A server that is not Dask's may leave a connection open for ever: another thread waits for it.
+    """
+    made: queue.SimpleQueue[Client | Exception] = queue.SimpleQueue()
+    threading.Thread(target=_connect, args=(pool.address, made), daemon=True).start()
+    end = time.monotonic() + _CONNECTION_TIMEOUT + 1  # Dask itself says more about the reason
+    while not should_stop():
+        with suppress(queue.Empty):
+            found = made.get(timeout=_SECONDS_BETWEEN_LOOKS)
+            if isinstance(found, Client):
+                return found
+            why = f"no Dask scheduler answers at {pool.address}: {type(found).__name__}: {found}"
+            raise ClusterError(why, _advice(pool)) from found
+        if time.monotonic() > end:
+            raise ClusterError(
+                f"no Dask scheduler answers at {pool.address} within {_CONNECTION_TIMEOUT} s", _advice(pool)
+            )
+    return None
+
+
+def _connect(address: str, made: queue.SimpleQueue[Client | Exception]) -> None:
     try:
-        return Client(pool.address, timeout=_CONNECTION_TIMEOUT)
-    except (OSError, ValueError) as error:
-        raise ClusterError(f"no Dask scheduler answers at {pool.address}: {error}") from error
+        made.put(Client(address, timeout=_CONNECTION_TIMEOUT))
+    except Exception as error:  # also what its settings bring about
+        made.put(error)
 
 
 class _IgnoreInterrupts(WorkerPlugin):
@@ -151,11 +208,14 @@ class _Running:
 
 @dataclass
 class _Chain:
-    """What is left to do for a case, in order, and how often workers died with the first of it."""
+    """What is left to do for a case, in order, and how often workers died with the first of it since it had
+    ``committed`` so many points.
+    """
 
     case: NamedCase
     stages: list[str]
     deaths: int = 0
+    committed: int = 0
 
 
 @dataclass
@@ -163,6 +223,7 @@ class _Campaign:
     """One task at a time on every worker, so that it is known which one a worker died with."""
 
     client: Client
+    pool: Pool
     stop: Event
     tell: Callable[[], None]
     should_stop: ShouldStop
@@ -179,15 +240,20 @@ class _Campaign:
                 self.stop.set()
             some_ended = any(run.future.done() for run in self.running.values())
             if some_ended or time.monotonic() - counted > _SECONDS_BETWEEN_COUNTS:
-                counted, workers = time.monotonic(), set(self.client.nthreads())
+                counted, workers = time.monotonic(), self._workers()
                 present = counted if workers else present
                 for address in [each for each in self.running if self._has_ended(each, workers)]:
                     yield from self._end(self.running.pop(address))
                 if not stopping:
                     self._assign(workers - set(self.running))
             if time.monotonic() - present > _WITHOUT_WORKERS:
-                raise ClusterError(f"the cluster has had no worker for {_WITHOUT_WORKERS} s")
+                raise ClusterError(f"there has been no worker for {_WITHOUT_WORKERS} s", _advice(self.pool))
             time.sleep(_SECONDS_BETWEEN_LOOKS)
+
+    def _workers(self) -> set[str]:
+        """The addresses of all workers. Raises TimeoutError where the scheduler stands still."""
+        scheduler: Any = self.client.scheduler
+        return set(self.client.sync(scheduler.ncores, callback_timeout=_CONNECTION_TIMEOUT))
 
     def _assign(self, free: set[str]) -> None:
         for address in sorted(free):
@@ -215,14 +281,23 @@ class _Campaign:
         error = _error(run.future)
         if isinstance(error, OSError | MemoryError):
             raise error
-        if error is None and chain.deaths < _DEATHS:
-            chain.deaths += 1
+        if error is None and self._deaths(chain) < _DEATHS:
             self.waiting.appendleft(chain)
             return
         yield chain.stages[0], _lost(case_id, error)
         for stage in chain.stages[1:]:
             reason = f"not computed: {chain.stages[0]} did not end"
             yield stage, StageResult(case_id, False, reason, "run the command again to try once more")
+
+    def _deaths(self, chain: _Chain) -> int:
+        """How many workers have died with the case, this one too, since it committed its newest point:
+        workers that live shorter than their task are no reason to give up.
+        """
+        states = [state for state in watch(self.store_path) if state.case == chain.case.case_id]
+        committed = progress(states).points
+        chain.deaths = chain.deaths + 1 if committed <= chain.committed else 1
+        chain.committed = committed
+        return chain.deaths
 
 
 def _records(future: Future[Any]) -> list[dict[str, Any]] | None:
@@ -254,7 +329,7 @@ def _lost(case_id: str, error: BaseException | None) -> StageResult:
         return StageResult(
             case_id,
             False,
-            f"the process that computed it died {_DEATHS + 1} times",
+            f"the process that computed it died {_DEATHS} times",
             "everything committed is kept; with more memory per case (fewer workers, a coarser grid) run the "
             "command again",
         )

@@ -13,3 +13,11 @@ class Pool:
 
     workers: int = 1
     address: str | None = None
+
+
+class ClusterError(RuntimeError):
+    """The workers cannot be had, or are lost. ``advice`` tells the user what to change."""
+
+    def __init__(self, message: str, advice: str) -> None:
+        super().__init__(message)
+        self.advice = advice

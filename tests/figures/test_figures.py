@@ -24,7 +24,8 @@ from pipelines.figures.orbits import (
     once_around,
     representative_points,
 )
-from pipelines.figures.style import new_figure
+from pipelines.figures.style import FORMATS, new_figure, save_figure
+from tests.helpers.faults import fault, full_disk
 
 
 def without(table, *names):
@@ -67,6 +68,15 @@ def test_heading_legend_and_panels_keep_apart(figures, kind):
         assert whole.y0 <= box.y0 < box.y1 <= whole.y1
         for axes in figure.axes:
             assert not box.overlaps(axes.get_tightbbox(renderer))
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_full_disk_is_told_with_the_name_of_the_figure(tmp_path, kind):
+    path = tmp_path / f"machine.{kind}"
+    with fault(1, full_disk()), pytest.raises(OSError, match="No space left") as caught:
+        save_figure(new_figure(1.0), path)
+    assert caught.value.filename == str(path)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -6,14 +6,17 @@ import json
 import os
 import random
 import signal
+import socket
 import subprocess
 import sys
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import dask
 import pytest
@@ -23,11 +26,11 @@ from typer.testing import CliRunner
 from agfb_cli.main import app
 from pipelines.datasets.integrity import verify
 from pipelines.stages import campaign
-from pipelines.stages.pool import Pool
+from pipelines.stages.pool import ClusterError, Pool
 from tests.helpers import forked
 from tests.helpers.cluster import cluster as small_cluster
 from tests.helpers.poison import POISONED
-from tests.helpers.tiny import CONFIG, ROOT, TINY
+from tests.helpers.tiny import CONFIG, ROOT, TINY, tiny_case
 from tests.helpers.trees import compare_trees
 
 DISPLACEMENTS = (0.05, 0.1, 0.2)
@@ -101,7 +104,8 @@ def test_workers_keep_freed_memory_and_one_thread() -> None:
     """What Dask sets otherwise costs a quarter of the time."""
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(dict(campaign.SETTINGS)))
-        client = campaign._client(Pool(workers=1), 1, stack)
+        client = campaign._client(Pool(workers=1), 1, lambda: False, stack)
+        assert client is not None
         (environment,) = client.run(lambda: dict(os.environ)).values()
         (watched,) = client.run(lambda: dask.config.get("distributed.worker.profile.enabled")).values()
     assert int(environment["MALLOC_TRIM_THRESHOLD_"]) >= 1 << 26
@@ -146,7 +150,8 @@ def test_a_case_that_kills_its_process_fails_alone(tmp_path: Path, alone: Path) 
 
 
 def poison_workers() -> None:
-    dask.config.set({"distributed.worker.preload": [str(ROOT / "tests/helpers/poison.py")]})
+    preload = {"distributed.worker.preload": [str(ROOT / "tests/helpers/poison.py")]}
+    campaign.SETTINGS = campaign.SETTINGS | preload
 
 
 def status(folder: Path) -> str:
@@ -254,6 +259,122 @@ def test_no_cluster_at_the_address(tmp_path: Path) -> None:
     assert forked.run(tmp_path, words, be_impatient) == 5
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in forked.messages(tmp_path)
     assert "Traceback" not in forked.messages(tmp_path)
+
+
+def test_a_server_that_is_not_dask(tmp_path: Path) -> None:
+    with silent_server() as address:
+        assert forked.run(tmp_path, [*WORDS, "--scheduler", address], be_impatient) == 5
+    assert f"no Dask scheduler answers at {address}" in forked.messages(tmp_path)
+    assert "Traceback" not in forked.messages(tmp_path)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_the_first_signal_ends_what_waits_for_a_scheduler(tmp_path: Path, number: int, code: int) -> None:
+    with silent_server() as address:
+        process = forked.start(tmp_path, [*WORDS, "--scheduler", address])
+        forked.wait_for(lambda: (tmp_path / "run.zarr").exists(), process)
+        time.sleep(1.0)
+        begin = time.monotonic()
+        os.kill(process.pid, number)
+        assert forked.finish(process) == code, forked.messages(tmp_path)
+        assert time.monotonic() - begin < campaign._CONNECTION_TIMEOUT - 3.0
+    assert "To go on" in forked.messages(tmp_path)
+
+
+@contextmanager
+def silent_server() -> Iterator[str]:
+    """The address of a server that takes connections and never says a word."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {"COMM__REQUIRE_ENCRYPTION": "True", "WORKER__PRELOAD": "nowhere"},
+        {"COMM__TIMEOUTS__CONNECT": "1ms"},
+        {"COMM__TIMEOUTS__CONNECT": "banana", "COMM__OFFLOAD": "banana"},
+    ],
+    ids=lambda variables: "-".join(variables),
+)
+def test_workers_of_this_machine_need_no_settings_of_its_site(
+    tmp_path: Path, variables: dict[str, str]
+) -> None:
+    done = linearize(tmp_path, {f"DASK_DISTRIBUTED__{name}": text for name, text in variables.items()})
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_variable_that_dask_cannot_read_is_named(tmp_path: Path) -> None:
+    variable = "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT"
+    done = linearize(tmp_path, {variable: "banana"}, "--scheduler", "tcp://127.0.0.1:9")
+    assert done.returncode == 5
+    assert "no Dask scheduler answers" in done.stderr
+    assert variable in done.stderr
+    assert "bug" not in done.stderr
+
+
+def test_a_malformed_file_of_settings_is_named(tmp_path: Path) -> None:
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site" / "dask.yaml").write_text("distributed: [ : }")
+    variables = {"DASK_CONFIG": str(tmp_path / "site")}
+    done = linearize(tmp_path, variables, "--scheduler", "tcp://127.0.0.1:9")
+    assert done.returncode == 5
+    assert str(tmp_path / "site" / "dask.yaml") in done.stderr
+    assert "DASK_CONFIG" in done.stderr
+    assert linearize(tmp_path, variables).returncode == 0
+
+
+def linearize(
+    folder: Path, variables: dict[str, str], *where: str
+) -> subprocess.CompletedProcess[str]:
+    words = ["linearize", *WORDS[1:], *(where or ("--workers", "2"))]
+    return subprocess.run(
+        [sys.executable, "-m", "agfb_cli", *words],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT)} | variables,
+        capture_output=True,
+        text=True,
+        timeout=150,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(("failures", "started"), [(2, True), (3, False)])
+def test_workers_that_die_while_they_start(
+    monkeypatch: pytest.MonkeyPatch, failures: int, started: bool
+) -> None:
+    left = [RuntimeError("Nanny failed to start.")] * failures
+
+    def make(**options: object) -> str:
+        if left:
+            raise left.pop()
+        return "cluster"
+
+    monkeypatch.setattr(campaign, "LocalCluster", make)
+    if started:
+        assert campaign._own_cluster(Pool(2), 2) == "cluster"
+        return
+    with pytest.raises(ClusterError, match="the workers do not start: Nanny failed") as caught:
+        campaign._own_cluster(Pool(2), 2)
+    assert "--workers" in caught.value.advice
+    assert "--scheduler" not in caught.value.advice
+
+
+def test_only_deaths_without_progress_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    committed = iter([4, 7, 7, 8, 8, 8])
+    monkeypatch.setattr(campaign, "watch", lambda path: [])
+    monkeypatch.setattr(campaign, "progress", lambda states: SimpleNamespace(points=next(committed)))
+    chain = campaign._Chain(tiny_case(), ["linearize"])
+    nothing: Any = None
+    run = campaign._Campaign(nothing, Pool(2), nothing, nothing, nothing, tmp_path, deque())
+    assert [run._deaths(chain) for _ in range(6)] == [1, 1, 2, 1, 2, 3]
+
+
+def test_the_port_of_dashboards_stays_free() -> None:
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(campaign._settings(Pool(1))))
+        cluster = stack.enter_context(campaign._own_cluster(Pool(1), 1))
+        assert cluster.scheduler.http_server.port != 8787
 
 
 def be_impatient() -> None:

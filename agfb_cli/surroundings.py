@@ -1,0 +1,44 @@
+"""What surrounds the process and must not matter: variables of the environment, warnings, files of settings.
+
+Nothing outside agfb's own options changes what is computed or drawn. What only says where things lie
+(NUMBA_CACHE_DIR, MPLCONFIGDIR, TMPDIR) is followed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import sys
+import warnings
+from importlib import import_module
+
+_CACHE = "NUMBA_CACHE_DIR"
+_MATPLOTLIB = "MPLCONFIGDIR"
+
+
+def settle() -> None:
+    """Take out of the environment what would change numbers or pictures, also for processes started from
+    here, and let no warning become an error. This must precede the import of numpy, numba and matplotlib.
+    """
+    for name in [name for name in os.environ if name.startswith("NUMBA_") and name != _CACHE]:
+        del os.environ[name]
+    os.environ["NUMBA_DISABLE_JIT"] = "0"  # also where a .numba_config.yaml says otherwise
+    os.environ["MPLBACKEND"] = "agg"  # notebooks name their own, which may not be installed here
+    os.environ["MATPLOTLIBRC"] = os.devnull
+    os.environ.pop("SOURCE_DATE_EPOCH", None)  # a date that no figure shows, but must be a number
+    os.environ.pop("PYTHONWARNINGS", None)
+    if sys.warnoptions:  # from -W or PYTHONWARNINGS; child processes get them again
+        sys.warnoptions.clear()
+        warnings.simplefilter("ignore")
+
+
+def load_matplotlib() -> None:
+    """Import matplotlib without the file `matplotlibrc` of the working directory, and without a word about a
+    folder of settings that it cannot write to: it takes a temporary one.
+    """
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    if chosen := os.environ.get(_MATPLOTLIB):
+        os.environ[_MATPLOTLIB] = os.path.abspath(chosen)
+    with contextlib.chdir(os.path.dirname(__file__)):
+        import_module("matplotlib")
