@@ -74,7 +74,6 @@ _FORBIDDEN = (
     errno.EISDIR,
     errno.EEXIST,
     errno.ENOTEMPTY,
-    errno.ENAMETOOLONG,
     errno.ELOOP,
 )
 _WRONG_CALL = (errno.EBADF, errno.ECHILD, errno.EFAULT)  # what no state of the system brings about

@@ -332,7 +332,7 @@ def test_speeds_without_equilibrium_are_a_gap_in_the_linearization(view, linear)
     lost = with_gap(linear, "journal", "minimum_film", "eigenvalues", "bearing_stiffness", "bearing_damping")
     figure = draw_linearization(view, lost)
     panels = [axes for axes in figure.axes if "speed" in axes.get_xlabel()]
-    assert len(panels) == 5
+    assert len(panels) == 7
     for axes in panels:
         assert shaded(axes) == [pytest.approx((linear["speed"][2], linear["speed"][5]))]
 def test_each_bearing_is_measured_by_its_own_clearance(view, branch):

