@@ -331,7 +331,7 @@ def test_it_is_written_as_data_and_replaced(store: Store) -> None:
     assert group.attributes["best"]["curve"] == "ns/c000"
     assert group.attributes["passive_gain"] == pytest.approx(1.1 / 1.05 - 1.0, abs=1e-9)
     # the curves are made up: the branches that they name are not there
-    assert {finding.path for finding in verify(store)} <= {store / f"{CASE}/{kind}/c000" for kind in ("ns", "pd")}
+    assert {finding.path.name for finding in verify(store)} <= {"c000"}
 
 
 def test_the_range_does_not_depend_on_an_older_one(store: Store) -> None:
