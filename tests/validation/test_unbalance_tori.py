@@ -32,7 +32,8 @@ MASSES = (UnbalanceMass(2, 1e-7, 0.4), UnbalanceMass(9, 5e-8, -1.0))  # kg m; no
 def balanced(displacement: float) -> tuple[Machine, CycleProblem, Cycle]:
     """The smallest machine below its critical speed, its cycle without unbalance."""
     overrides = (f"excitation.displacement={displacement}", f"continue_cycles.start={SPEED}")
-    case = tiny_case(SHARP, *overrides, "continue_cycles.range=[0.9, 1.0]").case
+    stages = ("continue_cycles",)
+    case = tiny_case(SHARP, *overrides, "continue_cycles.range=[0.9, 1.0]", stages=stages).case
     machine = build_machine(case)
     problem = cycle_problem(machine, case)
     state = machine_equilibrium(machine, problem.parameters).state
