@@ -33,7 +33,8 @@ Array = NDArray[np.float64]
 
 MOST_BLOCKS = 100_000
 _SAME_DISPLACEMENT = 1e-12
-_SAME_SPEED = 1e-3  # relative: a speed copied with few digits, or a cycle that is disturbed a little on purpose
+# Relative: a speed copied with few digits, or a cycle that is disturbed a little on purpose.
+_SAME_SPEED = 1e-3
 MOST_RUNS = 1000  # t000 to t999
 _MEASURED_STEPS = 32
 
