@@ -5,24 +5,39 @@ Between two points u_0, u_1 with unit tangents t_0, t_1, distance h and chord h 
     (t_0 + t_1)/2 - c = h^2 u'''/12 + O(h^3),
 
 which is small where the tangents differ little.  A step that ends on another curve, at a distance d beside
-its own, has a defect of about d/h on the left.  Where the defect leaves a doubt, the middle of the cubic
-through both ends decides: on one smooth curve the cubic misses it by h^4 u''''/384, between two curves by
-about d/2.
+its own, has a defect of about d/h on the left; one that leaves along another curve, at an angle, up to half
+of that angle.  In doubt the cubic through both ends is tried at one and at two thirds:
+a smooth curve misses it by about h^4 u''''/384, far less than the defect.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 _DOUBTFUL_DEFECT = 0.05  # of a step along a smooth curve
-_LARGE_DEFECT = 0.25  # above it the middle may not be farther from the cubic than with this one
-# Share of the defect by which the cubic may miss the middle: one half for a step to another curve, up to one
-# sixth where the curvature jumps, as it does beside a kink of the equations.
-_MISSED = 0.25
+_LARGEST_DEFECT = 0.25
+_PLACES = (1.0 / 3.0, 2.0 / 3.0)
 
 BENDS = "the curve bends too much within the step, or leaves along another curve that it meets"
 LEAVES = "the step ends beside the curve that it began on"
+
+
+@dataclass(frozen=True)
+class StepRule:
+    """What a step must meet to be one piece of one curve.
+
+    ``minimum_cosine``: between the tangents at its ends, None where a corner is accepted; ``missed``: share
+    of the defect by which the cubic may miss the curve inside the step (at a corner at least 0.06, where the
+    curvature jumps up to 0.17, on a smooth curve below 0.04); ``doubtful_defect``: above it the inside is
+    looked at; ``largest_defect``: above it the step is refused.
+    """
+
+    minimum_cosine: float | None
+    missed: float = 0.05
+    doubtful_defect: float = _DOUBTFUL_DEFECT
+    largest_defect: float = _LARGEST_DEFECT
 
 
 def refusal(
@@ -30,23 +45,26 @@ def refusal(
     start_tangent: Any,
     chord: Any,
     end_tangent: Any,
-    minimum_cosine: float | None,
-    missed_middle: Callable[[], float | None],
-    doubtful_defect: float = _DOUBTFUL_DEFECT,
+    rule: StepRule,
+    missed_at: Callable[[float], float | None],
 ) -> str | None:
     """The reason why a step is too long to be one piece of one smooth curve; None accepts it.
 
-    ``metric`` measures the vectors; both tangents have unit length; ``minimum_cosine``: between them, None
-    where a corner is accepted; ``missed_middle()``: distance of the corrected middle from the cubic through
-    both ends, None when the middle does not converge; ``doubtful_defect``: above it the middle is corrected.
+    ``metric`` measures the vectors; both tangents have unit length; ``missed_at(fraction)``: distance of the
+    corrected point at a fraction of the step from the cubic through both ends, None where none converges.
     """
-    if minimum_cosine is not None and metric.inner(start_tangent, end_tangent) < minimum_cosine:
+    cosine = metric.inner(start_tangent, end_tangent)
+    if rule.minimum_cosine is not None and cosine < rule.minimum_cosine:
         return BENDS
     length = metric.norm(chord)
     mean = start_tangent.plus(end_tangent).scaled(0.5)
     defect = metric.norm(mean.plus(chord, -1.0 / length))
-    if defect <= doubtful_defect:
+    if defect > rule.largest_defect:
+        return LEAVES
+    if defect <= rule.doubtful_defect:
         return None
-    missed = missed_middle()
-    allowed = _MISSED * min(defect, _LARGE_DEFECT) * length
-    return None if missed is not None and missed <= allowed else LEAVES
+    for place in _PLACES:
+        missed = missed_at(place)
+        if missed is None or missed > rule.missed * defect * length:
+            return LEAVES
+    return None

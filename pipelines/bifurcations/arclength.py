@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipelines.bifurcations.acceptance import refusal
+from pipelines.bifurcations.acceptance import StepRule, refusal
 from pipelines.bifurcations.branch import (
     BranchPoint,
     BranchResult,
@@ -252,9 +252,8 @@ def _segment(
         state.basis,
         reference,
     )
-    message = refusal(
-        metric, state.tangent, chord, tangent, options.minimum_cosine, segment.missed_middle
-    )
+    rule = StepRule(options.minimum_cosine)
+    message = refusal(metric, state.tangent, chord, tangent, rule, segment.missed_at)
     return segment if message is None else _Rejected(message)
 
 

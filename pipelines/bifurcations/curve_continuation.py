@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipelines.bifurcations.acceptance import refusal
+from pipelines.bifurcations.acceptance import StepRule, refusal
 from pipelines.bifurcations.codimension_two import crossed, resonant_end, settled
 from pipelines.bifurcations.correction import Closing, CurveCorrection
 from pipelines.bifurcations.curve import (
@@ -54,6 +54,7 @@ from pipelines.orbits.time_steps import following_steps
 # The error that time steps leave is noisy beside kinks: a point is corrected again only where it is clearly
 # too large, else the next one has more steps.
 _REPEATED = 3.0
+_MISSED = 0.25  # share of the defect of a step by which the cubic may miss the curve, also beside a kink
 _RECENT = 10  # points that a curve may be near to because it has just left them
 _STARTED = 5e-3  # share of its change in a step within which a test at the first point is zero there
 
@@ -196,11 +197,13 @@ def _attempt(
         landing = _land_on_start(segment, state, options)
         if landing is not None and _returned(state, landing.position, metric):
             segment = replace(segment, end=landing)
-    # the test function of equations that are only piecewise smooth has corners; curves of one kind cross in
-    # symmetric systems only
-    cosine = None if _is_shortest(state, options) else options.minimum_cosine
+    # the test function of equations that are only piecewise smooth has kinks and corners; curves of one kind
+    # cross in symmetric systems only
+    rule = StepRule(options.minimum_cosine, _MISSED)
+    if _is_shortest(state, options):
+        rule = replace(rule, minimum_cosine=None, largest_defect=math.inf)
     message = refusal(
-        metric, state.tangent, segment.chord, segment.end.tangent, cosine, segment.missed_middle
+        metric, state.tangent, segment.chord, segment.end.tangent, rule, segment.missed_at
     )
     return _with_specials(segment, state, options) if message is None else _Rejected(message)
 

@@ -256,10 +256,10 @@ class CurveSegment:
         guess = self.guess(fraction).plus(wrong)
         return self.correct_on(guess, self.closing_at(fraction, anchor), anchor)
 
-    def missed_middle(self) -> float | None:
-        """Distance of the point in the middle from the cubic; None when it does not converge."""
-        middle = self.correct_at(0.5, self.anchors[0]).point
-        return None if middle is None else self.metric.norm(middle.position.minus(self.guess(0.5)))
+    def missed_at(self, fraction: float) -> float | None:
+        """Distance of the point at a fraction from the cubic; None when it does not converge."""
+        point = self.correct_at(fraction, self.anchors[0]).point
+        return None if point is None else self.metric.norm(point.position.minus(self.guess(fraction)))
 
     def correct_on(self, guess: Position, closing: Closing, anchor: Anchor) -> CurveCorrection:
         """The point near ``guess`` on another closing row."""

@@ -21,7 +21,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import brentq
 
-from pipelines.bifurcations.halving import own_doubling, passes_own_doubling
+from pipelines.bifurcations.crossing_cycles import own_doubling, own_pitchfork, passes_own_doubling
 from pipelines.bifurcations.segment import Segment
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle, Unknowns, tangent_at
@@ -204,9 +204,17 @@ def kinds_between(
     turned = segment.start_tangent.parameter * segment.end_tangent.parameter < 0.0
     kinds = detect(before, after, turned)
     at_one = {EventKind.FOLD, EventKind.BRANCH_POINT}
-    if at_one.isdisjoint(kinds) or not passes_own_doubling(segment):
+    if at_one.isdisjoint(kinds):
         return kinds
-    return (EventKind.OWN_PERIOD_DOUBLING, *(kind for kind in kinds if kind not in at_one))
+    others = tuple(kind for kind in kinds if kind not in at_one)
+    if passes_own_doubling(segment):
+        return (EventKind.OWN_PERIOD_DOUBLING, *others)
+    # the parameter turns, but no multiplier crosses 1: the branch was born there, at a pitchfork
+    return (EventKind.BRANCH_POINT, *others) if _born(before, after, kinds) else kinds
+
+
+def _born(before: BifurcationTests, after: BifurcationTests, kinds: tuple[EventKind, ...]) -> bool:
+    return EventKind.FOLD in kinds and not _changes_sign(before.fold, after.fold)
 
 
 def explains(
@@ -216,13 +224,15 @@ def explains(
 
     A fold, branch point or period doubling moves one multiplier across the circle, a Neimark-Sacker point two
     and a neutral saddle, which the same test function reports until it is located (``confirmed``), none; nor
-    does the period doubling of half the period.  If they cannot, two events lie between the cycles and the
-    step is too long.
+    does the point at which a branch was born, a pitchfork or the period doubling of half the period.  If they
+    cannot, two events lie between the cycles and the step is too long.
     """
-    if EventKind.FOLD in kinds and not _changes_sign(before.fold, after.fold):
+    if _born(before, after, kinds):
         return False
+    crosses = _changes_sign(before.fold, after.fold)
     moves = {
         EventKind.NEIMARK_SACKER: (-2, 2) if confirmed else (-2, 0, 2),
+        EventKind.BRANCH_POINT: (-1, 1) if crosses else (0,),
         EventKind.OWN_PERIOD_DOUBLING: (0,),
     }
     choices = product(*(moves.get(kind, (-1, 1)) for kind in kinds))
@@ -263,8 +273,9 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
     Every evaluation is a corrected cycle in the plane of its fraction, so the root is as sharp as the
     corrector.
     """
-    if kind is EventKind.OWN_PERIOD_DOUBLING:
-        return _locate_own_doubling(segment, options)
+    turned = segment.start_tangent.parameter * segment.end_tangent.parameter < 0.0
+    if kind is EventKind.OWN_PERIOD_DOUBLING or (kind is EventKind.BRANCH_POINT and turned):
+        return _locate_birth(segment, kind)
     autonomous = segment.problem.period_map.autonomous
     cycles: dict[float, Cycle] = {}
 
@@ -307,29 +318,32 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
     )
 
 
-def _locate_own_doubling(segment: Segment, options: DetectionOptions) -> tuple[LocationStop, Event | None]:
-    """The period doubling of half the period, found on the simple cycles; their multipliers squared are those
-    of the doubled one.
+def _locate_birth(segment: Segment, kind: EventKind) -> tuple[LocationStop, Event | None]:
+    """The point at which a branch was born, found on the cycles of the other branch; the squares of the
+    multipliers of simple cycles are those of the doubled one.
     """
-    simple = own_doubling(segment, options.event_tolerance)
-    if simple is None:
+    doubled = kind is EventKind.OWN_PERIOD_DOUBLING
+    find, turns = (own_doubling, 2) if doubled else (own_pitchfork, 1)
+    crossing = find(segment)
+    if crossing is None:
         return LocationStop.NOT_CONVERGED, None
-    multipliers = simple.spectrum.multipliers**2
-    critical = critical_multiplier(EventKind.OWN_PERIOD_DOUBLING, multipliers, False)
+    multipliers = crossing.spectrum.multipliers**turns
+    critical = critical_multiplier(kind, multipliers, segment.problem.period_map.autonomous)
     assert critical is not None
     return LocationStop.LOCATED, Event(
-        kind=EventKind.OWN_PERIOD_DOUBLING,
-        parameters=simple.parameters,
-        state=simple.unknowns.state,
-        period=2.0 * simple.unknowns.period,
+        kind=kind,
+        parameters=crossing.parameters,
+        state=crossing.unknowns.state,
+        period=turns * crossing.unknowns.period,
         multipliers=multipliers,
         critical=critical,
         angle=0.0,
         transversality=math.nan,
         resonance=Resonance.NONE,
-        residual=_distance(EventKind.OWN_PERIOD_DOUBLING, critical),
+        residual=_distance(kind, critical),
         fraction=0.5,
-        steps=2 * simple.steps,
+        steps=turns * crossing.steps,
+        direction=segment.direction(0.5),
     )
 
 

@@ -99,7 +99,7 @@ class Segment:
         guess = self.guess(fraction)
         return correct(self.problem, guess, constraint, self.basis, self.end.steps, self.reference)
 
-    def missed_middle(self) -> float | None:
-        """Distance of the cycle in the middle from the cubic; None when it does not converge."""
-        middle = self.correct_at(0.5).cycle
-        return None if middle is None else self.metric.norm(middle.unknowns.minus(self.guess(0.5)))
+    def missed_at(self, fraction: float) -> float | None:
+        """Distance of the cycle at a fraction from the cubic; None when it does not converge."""
+        cycle = self.correct_at(fraction).cycle
+        return None if cycle is None else self.metric.norm(cycle.unknowns.minus(self.guess(fraction)))

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipelines.bifurcations.acceptance import refusal
+from pipelines.bifurcations.acceptance import StepRule, refusal
 from pipelines.bifurcations.circle import amplitudes, nearest_fraction, resampled, tail
 from pipelines.bifurcations.invariant_curve import (
     Torus,
@@ -54,7 +54,7 @@ _ROUGH_STEP = 0.25  # of the step after a torus that was too rough: such an atte
 _NOTHING = 1e-3  # share of the deviation from the mean that a torus may not lose in a step
 # Beside a resonance the rotation changes unevenly: a tangent there differs from the mean over a step by more
 # than along a smooth curve.
-_DOUBTFUL_DEFECT = 0.4
+_DOUBTFUL_DEFECT, _MISSED = 0.4, 0.25
 _LARGEST_DENOMINATOR = 12  # of the resonances that are named
 
 
@@ -179,14 +179,9 @@ def _attempt(
         return _Rejected("the tangent is singular")
     tangent = tangent.scaled(1.0 / metric.norm(tangent))
     ends = (before, tangent_before, torus.unknowns, tangent)
+    rule = StepRule(options.minimum_cosine, _MISSED, _DOUBTFUL_DEFECT, math.inf)
     message = refusal(
-        metric,
-        tangent_before,
-        chord,
-        tangent,
-        options.minimum_cosine,
-        lambda: _missed_middle(problem, state, metric, ends),
-        _DOUBTFUL_DEFECT,
+        metric, tangent_before, chord, tangent, rule, lambda at: _missed(problem, state, metric, ends, at)
     )
     if message is not None:
         return _Rejected(message)
@@ -195,24 +190,25 @@ def _attempt(
     return _Step(point, tangent, length)
 
 
-def _missed_middle(
+def _missed(
     problem: TorusProblem,
     state: TorusState,
     metric: TorusMetric,
     ends: tuple[TorusUnknowns, TorusUnknowns, TorusUnknowns, TorusUnknowns],
+    fraction: float,
 ) -> float:
-    """Distance of the torus half-way between two from the cubic through both.
+    """Distance of the torus at a fraction between two from the cubic through both.
 
     ``ends``: start, unit tangent there, end, unit tangent there.  Zero when there is no such torus: in a
     resonance, where nothing can be told of the step.
     """
     chord = ends[2].minus(ends[0])
-    weights = hermite_weights(0.5, metric.norm(chord))
+    weights = hermite_weights(fraction, metric.norm(chord))
     cubic = ends[0].scaled(weights[0])
     for weight, part in zip(weights[1:], ends[1:], strict=True):
         cubic = cubic.plus(part, weight)
     row = metric.row(chord)
-    constraint = TorusConstraint(row, row.dot(ends[0]) + 0.5 * row.dot(chord))
+    constraint = TorusConstraint(row, row.dot(ends[0]) + fraction * row.dot(chord))
     bases = state.slow_bases.resampled(len(cubic.states))
     torus = correct_on_angles(problem, cubic, constraint, bases, _reference(problem, cubic)).torus
     return 0.0 if torus is None else metric.norm(torus.unknowns.minus(cubic))

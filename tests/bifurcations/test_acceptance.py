@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.acceptance import BENDS, LEAVES, refusal
+from pipelines.bifurcations.acceptance import BENDS, LEAVES, StepRule, refusal
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchStop, ContinuationOptions
 from pipelines.bifurcations.curve import CurveOptions, CurveStart, CurveStop, SpecialKind
@@ -31,7 +31,7 @@ def vector(x: float, y: float) -> Position:
 
 def verdict(start_slope: float, chord: Position, end_slope: float, missed: float | None) -> str | None:
     ends = [vector(math.cos(slope), math.sin(slope)) for slope in (start_slope, end_slope)]
-    return refusal(FLAT, ends[0], chord, ends[1], 0.8, lambda: missed)
+    return refusal(FLAT, ends[0], chord, ends[1], StepRule(0.8), lambda place: missed)
 
 
 def test_arcs_are_accepted_and_steps_beside_the_curve_are_not() -> None:
@@ -39,12 +39,12 @@ def test_arcs_are_accepted_and_steps_beside_the_curve_are_not() -> None:
     arc = vector(math.sin(angle), 1.0 - math.cos(angle))
     assert verdict(0.0, arc, angle, None) is None, "no doubt, the middle is not asked for"
     assert verdict(0.0, arc, 0.7, None) == BENDS
-    # from a line to a parallel one, 0.3 of the step away: its middle is on neither
-    beside = vector(1.0, 0.3)
-    length = math.hypot(1.0, 0.3)
-    assert verdict(0.0, beside, 0.0, 0.15 * length) == LEAVES
+    # from a line to a parallel one, 0.2 of the step away: what is between them is on neither
+    beside = vector(1.0, 0.2)
+    assert verdict(0.0, beside, 0.0, 0.05) == LEAVES
     assert verdict(0.0, beside, 0.0, None) == LEAVES
-    assert verdict(0.0, beside, 0.0, 0.01 * length) is None
+    assert verdict(0.0, beside, 0.0, 0.005) is None
+    assert verdict(0.0, vector(1.0, 0.3), 0.0, 0.0) == LEAVES, "too far"
 
 
 def curves(kind: EventKind) -> CurveProblem:

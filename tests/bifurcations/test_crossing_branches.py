@@ -67,6 +67,24 @@ def test_pitchfork(pitchfork: tuple[CycleProblem, Event], side: float) -> None:
         assert at.period == pytest.approx(2 * math.pi / (1 + SHIFT * at.state[2]), abs=1e-8)
 
 
+@pytest.mark.parametrize("longest", [0.2, 0.1, 0.05, 0.025])
+@pytest.mark.parametrize("scale", [0.1, 1.0, 100.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_branch_passes_the_pitchfork_that_it_was_born_at(
+    pitchfork: tuple[CycleProblem, Event], side: float, scale: float, longest: float
+) -> None:
+    """Down one half of u^2 = lambda and up the other: one branch point, no fold."""
+    problem, _ = pitchfork
+    first = side * 0.4
+    begin = BranchStart(np.array([1.0, 0.0, first]), 0.16, 2 * math.pi / (1 + SHIFT * first))
+    options = ContinuationOptions((-0.1, 0.17), direction=-1, maximum_step=longest, parameter_scale=scale)
+    points, events = branch(problem, begin, options)
+    assert [event.kind for event in events] == [EventKind.BRANCH_POINT]
+    assert events[0].parameters[0] == pytest.approx(0.0, abs=1e-8)
+    assert points[-1].cycle.unknowns.state[2] == pytest.approx(-side * math.sqrt(0.17), abs=1e-8)
+    assert not any(point.unexplained for point in points)
+
+
 @pytest.mark.parametrize("side", [1, -1])
 def test_transcritical_point(side: int) -> None:
     """u = lambda on both sides."""
