@@ -38,7 +38,7 @@ ERRORS = [
     (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), ExitCode.RESOURCES, "processes"),
     (BrokenPipeError(errno.EPIPE, "Broken pipe"), ExitCode.RESOURCES, "Broken pipe"),
     (OSError(errno.ESTALE, "Stale file handle", "a.zarr"), ExitCode.RESOURCES, "a.zarr: Stale"),
-    (OSError(errno.ENAMETOOLONG, "File name too long", "a.zarr"), ExitCode.STORE, "too long"),
+    (OSError(errno.ENAMETOOLONG, "File name too long", "a.zarr"), ExitCode.USAGE, "too long"),
     (OSError(errno.EIO, "Input/output error", "a.zarr"), ExitCode.RESOURCES, "Input/output"),
     (
         PermissionError(errno.EACCES, "Permission denied", "a.zarr"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -9,14 +10,18 @@ import pytest
 
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchResult, BranchStart, ContinuationOptions
+from pipelines.bifurcations.curve import CurveStop
 from pipelines.bifurcations.detection import Event, EventKind
+from pipelines.orbits.compiled import compiled_system
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
-from pipelines.orbits.system import DynamicalSystem, ode_system
+from pipelines.orbits.system import DynamicalSystem
+from tests.validation.test_tondl_curves import POINTS, problem, start_at, trace
 
-# Longest steps and factors of the parameter's scale; with a scale a hundred times smaller a step is so short
-# that one length of it is enough.
+PLANE = ((-0.1, 0.25), (0.4, 4.6))
+# Longest steps and factors of the parameter's scale; with a scale a hundred times smaller steps are so short
+# that one length of them is enough.
 WALKS = [*((longest, scale) for scale in (1.0, 100.0) for longest in (0.2, 0.1, 0.05, 0.025)), (0.2, 0.01)]
 
 
@@ -39,6 +44,7 @@ def walked(
 _GROWTH, _DETUNING = 1.0, 0.55
 
 
+@functools.cache
 def forced_hopf() -> DynamicalSystem:
     """Parameters (omega, F).  With R = |z|^2 and sigma = omega - 1 cycles have
 
@@ -46,21 +52,17 @@ def forced_hopf() -> DynamicalSystem:
     Neimark-Sacker points at R = m/2, folds at 3 R = 2 m +- sqrt(m^2 - 3 sigma^2).
     """
 
-    def rates(phase, s, p):  # type: ignore[no-untyped-def]
+    def rates(phase, s, p, out):  # type: ignore[no-untyped-def]
         excess = _GROWTH - s[0] ** 2 - s[1] ** 2
-        return [
-            excess * s[0] - s[1] + p[1] * math.cos(phase),
-            excess * s[1] + s[0] + p[1] * math.sin(phase),
-        ]
+        out[0] = excess * s[0] - s[1] + p[1] * math.cos(phase)
+        out[1] = excess * s[1] + s[0] + p[1] * math.sin(phase)
 
-    def jacobian(phase, s, p):  # type: ignore[no-untyped-def]
+    def jacobian(phase, s, p, out):  # type: ignore[no-untyped-def]
         excess = _GROWTH - s[0] ** 2 - s[1] ** 2
-        return [
-            [excess - 2.0 * s[0] ** 2, -1.0 - 2.0 * s[0] * s[1]],
-            [1.0 - 2.0 * s[0] * s[1], excess - 2.0 * s[1] ** 2],
-        ]
+        out[0, 0], out[0, 1] = excess - 2.0 * s[0] ** 2, -1.0 - 2.0 * s[0] * s[1]
+        out[1, 0], out[1, 1] = 1.0 - 2.0 * s[0] * s[1], excess - 2.0 * s[1] ** 2
 
-    return ode_system(rates, jacobian, 2, ("omega", "F"), "omega")
+    return compiled_system(rates, jacobian, 2, ("omega", "F"), "omega")
 
 
 def force(squared: float) -> float:
@@ -95,6 +97,7 @@ def test_forced_hopf(longest: float, scale: float) -> None:
 _TURN, _LEVEL, _ALPHA = 2.5, 1.0, 0.5
 
 
+@functools.cache
 def langford() -> DynamicalSystem:
     """x' = (z - b) x - w y, y' = w x + (z - b) y, z' = l + a z - z^3/3 - x^2 - y^2 with parameter b.
 
@@ -102,20 +105,19 @@ def langford() -> DynamicalSystem:
     Neimark-Sacker point at b = +-sqrt(a).
     """
 
-    def rates(phase, s, p):  # type: ignore[no-untyped-def]
+    def rates(phase, s, p, out):  # type: ignore[no-untyped-def]
         growth = s[2] - p[0]
-        height = _LEVEL + _ALPHA * s[2] - s[2] ** 3 / 3.0
-        return [growth * s[0] - _TURN * s[1], _TURN * s[0] + growth * s[1], height - s[0] ** 2 - s[1] ** 2]
+        out[0] = growth * s[0] - _TURN * s[1]
+        out[1] = _TURN * s[0] + growth * s[1]
+        out[2] = _LEVEL + _ALPHA * s[2] - s[2] ** 3 / 3.0 - s[0] ** 2 - s[1] ** 2
 
-    def jacobian(phase, s, p):  # type: ignore[no-untyped-def]
+    def jacobian(phase, s, p, out):  # type: ignore[no-untyped-def]
         growth = s[2] - p[0]
-        return [
-            [growth, -_TURN, s[0]],
-            [_TURN, growth, s[1]],
-            [-2.0 * s[0], -2.0 * s[1], _ALPHA - s[2] ** 2],
-        ]
+        out[0, 0], out[0, 1], out[0, 2] = growth, -_TURN, s[0]
+        out[1, 0], out[1, 1], out[1, 2] = _TURN, growth, s[1]
+        out[2, 0], out[2, 1], out[2, 2] = -2.0 * s[0], -2.0 * s[1], _ALPHA - s[2] ** 2
 
-    return ode_system(rates, jacobian, 3, ("b",))
+    return compiled_system(rates, jacobian, 3, ("b",))
 
 
 @pytest.mark.parametrize(("longest", "scale"), WALKS)
@@ -133,3 +135,23 @@ def test_langford(longest: float, scale: float) -> None:
     root = math.sqrt(_ALPHA)
     assert np.allclose([event.parameters[0] for event in events], [-root, root], rtol=0, atol=1e-8)
     assert {point.unstable for point in points} == {0, 2}
+
+
+# --- Tondl's system: curves through every verified point ---------------------------------------------------
+
+
+@pytest.mark.parametrize(("kind", "eta"), POINTS)
+def test_tondl_curves(kind: str, eta: float) -> None:
+    """Ends and special points are the same for all steps and scales."""
+    seen = []
+    for longest, scale in ((0.1, 1.0), (0.2, 1.0), (0.025, 1.0), (0.1, 100.0)):
+        scales = (0.05 * scale, 0.5 * scale)
+        options = {"maximum_step": longest, "parameter_scales": scales}
+        result, points, specials = trace(problem(kind), start_at(kind, eta), PLANE, **options)
+        places = np.array([points[-1].parameters, *(special.parameters for special in specials)])
+        seen.append((result.stop, [special.kind for special in specials], places))
+    stop, kinds, places = seen[0]
+    assert stop in (CurveStop.RANGE, CurveStop.RESONANCE_1, CurveStop.RESONANCE_2, CurveStop.CLOSED)
+    for other_stop, other_kinds, other_places in seen[1:]:
+        assert (other_stop, other_kinds) == (stop, kinds)
+        assert np.allclose(other_places, places, rtol=0, atol=1e-6)
