@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -119,6 +120,35 @@ def forbidden_imports(tree: ast.AST, package: str) -> list[str]:
     return found
 
 
+def dotted_name(path: Path) -> str:
+    """`pipelines.case` for its `__init__.py`."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def import_graph(parsed: dict[str, tuple[ast.AST, str]]) -> dict[str, set[str]]:
+    """Which modules each module imports, for type checkers only too: `from a import b` may mean module a.b.
+
+    ``parsed``: name of a module -> its source and package.
+    """
+    graph = {}
+    for name, (tree, package) in parsed.items():
+        found = {module for _, module in imported_modules(tree, package)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom):
+                found |= {f"{absolute_name(node, package)}.{alias.name}" for alias in node.names}
+        graph[name] = found & parsed.keys() - {name}
+    return graph
+
+
+def import_cycle(graph: dict[str, set[str]]) -> tuple[str, ...]:
+    """One cycle of imports, or nothing."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return tuple(error.args[1])
+    return ()
+
+
 def calls_of(tree: ast.AST, name: str) -> list[int]:
     calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
     return [call.lineno for call in calls if isinstance(call.func, ast.Name) and call.func.id == name]
@@ -174,6 +204,13 @@ def test_imports_go_downwards_only() -> None:
     assert {name: rules for name, rules in found.items() if rules} == {}
 
 
+def test_no_import_cycles() -> None:
+    parsed = {dotted_name(path): (tree, package_of(path)) for path, tree in PARSED.items()}
+    graph = import_graph(parsed)
+    assert sum(map(len, graph.values())) > 500
+    assert import_cycle(graph) == ()
+
+
 def test_the_package_itself_imports_nothing() -> None:
     top = PARSED[ROOT / "pipelines" / "__init__.py"]
     assert {module for _, module in imported_modules(top, "pipelines")} <= {"__future__"}
@@ -225,6 +262,22 @@ def test_no_other_top_level_folders() -> None:
 )
 def test_the_import_check_sees(package: str, source: str) -> None:
     assert forbidden_imports(ast.parse(source), package) != []
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from pipelines.case.scales import Scales",
+        "from pipelines.case import scales",
+        "def f():\n    import pipelines.case.scales",
+        "if TYPE_CHECKING:\n    from .scales import Scales",
+    ],
+)
+def test_the_cycle_check_sees(source: str) -> None:
+    case = "pipelines.case"
+    scales = (ast.parse("from pipelines.case.models import Case"), case)
+    graph = import_graph({f"{case}.scales": scales, f"{case}.models": (ast.parse(source), case)})
+    assert set(import_cycle(graph)) == {f"{case}.scales", f"{case}.models"}
 
 
 def test_the_import_check_lets_neighbours_pass() -> None:

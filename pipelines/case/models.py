@@ -27,7 +27,6 @@ from pipelines.case.torus_settings import ContinueTori
 from pipelines.case.transient_settings import Transient, Unbalance, unbalance_on_shaft
 
 __all__ = [
-    "PARAMETERS",
     "Bearing",
     "BifurcationSet",
     "Bump",
@@ -56,9 +55,6 @@ __all__ = [
     "Transient",
     "Unbalance",
 ]
-
-PARAMETERS = ("speed", "excitation_frequency", "displacement", "foil_stiffness")
-"""Names of the continuation parameters, in the order of every parameter vector (all dimensionless)."""
 
 MAXIMUM_UNKNOWNS = 20_000
 
@@ -143,6 +139,16 @@ class Case(Table):
                 f"at most {MAXIMUM_UNKNOWNS} are allowed"
             )
         return numerics
+
+    @property
+    def scales(self) -> Scales:
+        """Scales of the machine."""
+        return Scales.of(self.gas, self.bearings)
+
+    @property
+    def parameters(self) -> tuple[float, float, float, float]:
+        """The parameter vector of the case in the order of `PARAMETERS`."""
+        return self.scales.parameter_values(self.excitation, self.operation)
 
     def with_values(self, assignments: Mapping[str, Any]) -> Self:
         """The case with other values at some dotted keys (as in `--set`) and without its calibration.

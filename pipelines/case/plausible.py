@@ -36,7 +36,7 @@ def implausible_values(case: Case, table: str) -> Iterator[Misfit]:
     """The values of one of the case's tables that are in another unit than that of their key."""
     if getattr(case, table) is None:
         return
-    scales = Scales.from_case(case)
+    scales = case.scales
     fastest = FASTEST_SURFACE / max(bearing.radius for bearing in case.bearings) * scales.time
     for value in _values(case, table):
         given = [number for number in value.numbers if number is not None]

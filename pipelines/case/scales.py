@@ -11,15 +11,16 @@ The second bearing enters through its ratios to the first (`BearingScales`).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
+from pipelines.case.bearings import Bearing, Bump, Excitation, Foil, Gas
 from pipelines.case.ring_statics import ring_displacement_from_load
+from pipelines.case.settings import Operation
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pipelines.case.models import Bearing, Bump, Case, Excitation, Foil, Gas, Operation
+PARAMETERS = ("speed", "excitation_frequency", "displacement", "foil_stiffness")
+"""Names of the continuation parameters, in the order of every parameter vector (all dimensionless)."""
 
 RPM_PER_RADIAN_PER_SECOND = 60 / (2 * math.pi)
 
@@ -127,11 +128,6 @@ class Scales:
             bearings=tuple(own),
         )
 
-    @classmethod
-    def from_case(cls, case: Case) -> Self:
-        """Scales of a case."""
-        return cls.of(case.gas, case.bearings)
-
     @property
     def stiffness(self) -> float:
         """Scale of rotor stiffness, force/c [N/m]."""
@@ -199,7 +195,3 @@ class Scales:
         """
         own = [1.0 if excitation.load is None else bearing.clearance_ratio for bearing in self.bearings]
         return excitation.amplitudes[0] / own[0], excitation.amplitudes[1] / own[1]
-
-    def parameters(self, case: Case) -> tuple[float, float, float, float]:
-        """The parameter vector of a case in the order of `PARAMETERS`."""
-        return self.parameter_values(case.excitation, case.operation)

@@ -10,9 +10,9 @@ from types import MappingProxyType
 
 from pipelines.case.calibrate_settings import calibration_misfits
 from pipelines.case.fields import Misfit, Path
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
 from pipelines.case.plausible import implausible_values
-from pipelines.case.scales import Scales
+from pipelines.case.scales import PARAMETERS
 from pipelines.case.torus_settings import torus_misfits
 from pipelines.case.transient_settings import transient_misfits
 
@@ -98,7 +98,7 @@ def _calibration(case: Case) -> Iterator[Misfit]:
 
 def _along(case: Case, name: str, interval: Sequence[float], at: Path) -> Iterator[Misfit]:
     """Whether the machine has the parameter, over the whole range."""
-    scales = Scales.from_case(case)
+    scales = case.scales
     if name == "foil_stiffness" and any(bearing.foil.rigid for bearing in case.bearings):
         yield (*at, "parameter"), "a rigid bearing has no foil stiffness to continue"
     if name == "excitation_frequency" and _is_passive(case):
@@ -112,7 +112,7 @@ def _own_value(
 ) -> Iterator[Misfit]:
     """Whether a branch that has no ``start`` can begin at the case's own value."""
     low, high = interval
-    value = Scales.from_case(case).parameters(case)[PARAMETERS.index(name)]
+    value = case.parameters[PARAMETERS.index(name)]
     if start is None and not low <= value <= high:
         yield (
             (*at, "range"),
@@ -122,7 +122,7 @@ def _own_value(
 
 
 def _is_passive(case: Case) -> bool:
-    return Scales.from_case(case).ring_displacement(case.excitation) == 0.0
+    return case.scales.ring_displacement(case.excitation) == 0.0
 
 
 def _unforced(case: Case) -> bool:

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.case.models import PARAMETERS
+from pipelines.case.scales import PARAMETERS
 
 SCHEMA_VERSION = 1
 

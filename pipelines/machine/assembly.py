@@ -26,7 +26,7 @@ from .shaft import RotorMatrices, assemble_rotor
 
 @dataclass(frozen=True)
 class Machine:
-    """A rotor on two gas foil bearings; ``parameters`` everywhere follow ``pipelines.case.PARAMETERS``.
+    """A rotor on two gas foil bearings; ``parameters`` everywhere follow `pipelines.case.scales.PARAMETERS`.
 
     ``condensed`` is in SI units, ``scaled`` in those of the state.
     """
@@ -142,7 +142,7 @@ class Machine:
 def film_settings(case: Case, index: int) -> FilmSettings:
     """Dimensionless settings of one of the case's bearings."""
     table: BearingTable = case.bearings[index]
-    scales = Scales.from_case(case)
+    scales = case.scales
     own, numerics, excitation = scales.bearings[index], case.numerics, case.excitation
     reference = scales.bearings[0].foil_stiffness
     if np.isinf(own.foil_stiffness):
@@ -184,8 +184,8 @@ def parameter_vector(case: Case) -> Array:
 
     A machine of two rigid bearings has no foil stiffness; 1 stands for it then and has no effect.
     """
-    scales = Scales.from_case(case)
-    values = np.array(scales.parameters(case))
+    scales = case.scales
+    values = np.array(case.parameters)
     if np.isinf(values[film.FOIL_STIFFNESS]):
         other = scales.bearings[1].foil_stiffness
         values[film.FOIL_STIFFNESS] = 1.0 if np.isinf(other) else other
@@ -197,7 +197,7 @@ def build_machine(case: Case) -> Machine:
 
     Raises ValueError if the masters do not determine the rotor (see ``condensation.static_transformation``).
     """
-    scales = Scales.from_case(case)
+    scales = case.scales
     rotor = assemble_rotor(case.rotor)
     condensed = condense(rotor, case.rotor.master_nodes, case.rotor.slope_nodes)
     length = scales.bearings[0].length

@@ -33,7 +33,7 @@ FILM_INTEGERS = 7
  SMOOTHING, RING_RADIUS, RING_RATIO, RING_AMPLITUDE, RING_PHASE) = range(13)  # fmt: skip
 FILM_SCALARS = 13
 
-# The parameter vector of a case (order of pipelines.case.PARAMETERS).
+# The parameter vector of a case (order of pipelines.case.scales.PARAMETERS).
 SPEED, EXCITATION_FREQUENCY, DISPLACEMENT, FOIL_STIFFNESS = range(4)
 # One entry more, where the excitation is being switched: d delta/d tau. A shorter vector stands for zero.
 DISPLACEMENT_RATE = 4

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.case.models import PARAMETERS
+from pipelines.case.scales import PARAMETERS
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS, machine_rates, machine_tangent

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipelines.case.models import PARAMETERS
+from pipelines.case.scales import PARAMETERS
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine
 from pipelines.machine.unbalance import (

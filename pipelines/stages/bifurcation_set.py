@@ -16,8 +16,9 @@ import numpy as np
 
 from pipelines.bifurcations.branch import BranchStop
 from pipelines.bifurcations.detection import EventKind
-from pipelines.case.models import PARAMETERS, Case, ContinueCycles
+from pipelines.case.models import Case, ContinueCycles
 from pipelines.case.reading import NamedCase
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.schema import KINDS
 from pipelines.machine import film

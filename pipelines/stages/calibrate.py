@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from pipelines.case.calibrate_settings import number_at
 from pipelines.case.models import Calibrate, CalibrationParameter, Case
 from pipelines.case.reading import NamedCase
-from pipelines.case.scales import Scales
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
@@ -223,7 +222,7 @@ def _expected(row: Mapping[str, Any], target: int) -> float | None:
 
 def _penalties(case: Case, settings: Calibrate) -> Array:
     """Weighted deviations (m,) of targets that fail: their whole range of speeds."""
-    rpm = Scales.from_case(case).speed_rpm_per_unit
+    rpm = case.scales.speed_rpm_per_unit
     intervals = [target.speed_range or settings.speed_range for target in settings.targets]
     return np.array([
         (high - low) * (1.0 if target.value_rpm is None else rpm) / target.scatter

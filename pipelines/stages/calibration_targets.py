@@ -16,7 +16,6 @@ import numpy as np
 
 from pipelines.case.models import Calibrate, CalibrationTarget, Case
 from pipelines.case.problems import CaseError
-from pipelines.case.scales import Scales
 from pipelines.machine import film
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.campbell import campbell_diagram
@@ -74,7 +73,7 @@ def reached(
 
 
 def _in_unit(found: Onset, case: Case, target: CalibrationTarget) -> Reached:
-    value = found.speed if target.value_rpm is None else Scales.from_case(case).speed_rpm(found.speed)
+    value = found.speed if target.value_rpm is None else case.scales.speed_rpm(found.speed)
     onset = math.nan if target.quantity == "critical_speed" else found.speed
     return Reached(found.status, value, onset, found.bifurcation)
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.torus import TorusStop
-from pipelines.case.models import PARAMETERS
 from pipelines.case.reading import NamedCase
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import ENDED, Group
 from pipelines.stages.continue_cycles import DIRECTIONS
 from pipelines.stages.cycle_rows import EVENT_NAMES, stored_event

@@ -13,7 +13,8 @@ from pipelines.bifurcations.curve import CurvePoint, CurveState, SpecialKind, Sp
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveProblem
 from pipelines.bifurcations.traced import TracedCurve
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine

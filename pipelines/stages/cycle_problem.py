@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pipelines.bifurcations.branch import ContinuationOptions
 from pipelines.bifurcations.detection import DetectionOptions
 from pipelines.bifurcations.normal_forms import NormalFormOptions
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
+from pipelines.case.scales import PARAMETERS
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.floquet import BasisOptions

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pipelines.bifurcations.branch import BranchPoint, BranchState
 from pipelines.bifurcations.detection import Event, EventKind, Resonance
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine

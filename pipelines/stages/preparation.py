@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pipelines.case.models import PARAMETERS
 from pipelines.case.reading import NamedCase
-from pipelines.case.scales import Scales
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.provenance import provenance
 from pipelines.datasets.store import create_store, open_for_writing
@@ -38,7 +37,7 @@ def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequ
 
 def case_attributes(named: NamedCase) -> dict[str, Any]:
     """Name, origin, parameters at the start and scales, as JSON values; an infinite one is None."""
-    scales = Scales.from_case(named.case)
+    scales = named.case.scales
     values = dict(zip(PARAMETERS, (float(value) for value in parameter_vector(named.case)), strict=True))
     values["foil_stiffness"] = scales.bearings[0].foil_stiffness  # the vector has a stand-in for infinity
     return {

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED, Group

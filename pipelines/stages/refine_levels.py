@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from pipelines.bifurcations.curve import CurveStart
 from pipelines.bifurcations.pinned import PinnedPoint, pinned_point
 from pipelines.bifurcations.plane import CurveProblem, metric_of
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
+from pipelines.case.scales import PARAMETERS
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.machine.regrid import regrid
 from pipelines.orbits.shooting import CycleProblem

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.bifurcations.detection import EventKind
-from pipelines.case.models import PARAMETERS
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS

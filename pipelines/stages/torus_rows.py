@@ -14,7 +14,8 @@ from pipelines.bifurcations.circle import amplitudes, angles, resampled
 from pipelines.bifurcations.circle_map import PeriodCircle
 from pipelines.bifurcations.torus import TorusPoint, TorusState
 from pipelines.bifurcations.torus_problem import TorusUnknowns
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import Branch, Resume
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS

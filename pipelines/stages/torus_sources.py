@@ -17,7 +17,8 @@ from pipelines.bifurcations.torus import TorusOptions, TorusPoint, TorusStart, T
 from pipelines.bifurcations.torus_continuation import continue_torus
 from pipelines.bifurcations.torus_problem import FourierOptions, TorusProblem
 from pipelines.bifurcations.torus_start import torus_from_event
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
+from pipelines.case.scales import PARAMETERS
 from pipelines.case.torus_settings import FEWEST_ANGLES
 from pipelines.machine.assembly import Machine
 from pipelines.machine.unbalance import UNBALANCE, UnbalanceMass

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.case.models import PARAMETERS
 from pipelines.case.reading import NamedCase
+from pipelines.case.scales import PARAMETERS
 from pipelines.case.transient_settings import EQUILIBRIUM
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.store import Store

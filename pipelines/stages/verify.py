@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.errors import CorruptedError, StoreError
 from pipelines.datasets.integrity import Finding
 from pipelines.datasets.integrity import verify as verify_files

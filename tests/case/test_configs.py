@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from pipelines.case.reading import read_cases
-from pipelines.case.scales import Scales
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 # Foil stiffness and the excitation frequency at which the paper finds its anti-resonance.
@@ -124,7 +123,7 @@ def test_kb10_is_the_reconstruction():
     assert (excitation.displacement, excitation.frequency, excitation.ratio) == (0.2, 0.7, 0.918)
     assert (case.numerics.circumferential, case.numerics.axial) == (40, 3)
     # The paper's rotor is designed for more than 20000 rpm; its branches reach the dimensionless speed 1.2.
-    assert Scales.from_case(case).speed_rpm(1.2) > 20000
+    assert case.scales.speed_rpm(1.2) > 20000
 
 
 def test_the_small_configurations_share_the_machine_of_kb10():

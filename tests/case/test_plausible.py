@@ -17,7 +17,7 @@ RPM = [5000.0, 40000.0]
 
 
 def scales_of(text: str) -> Scales:
-    return Scales.from_case(read_cases(text, "demo.toml")[0].case)
+    return read_cases(text, "demo.toml")[0].case.scales
 
 
 def message(text: str, key: str, *overrides: str) -> str:

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipelines.case.models import PARAMETERS, Bearing, Bump, Case, Foil, Gas
+from pipelines.case.models import Bearing, Bump, Case, Foil, Gas
 from pipelines.case.reading import read_cases
 from pipelines.case.ring_statics import ring_displacement_from_load
-from pipelines.case.scales import Scales, film_time
+from pipelines.case.scales import PARAMETERS, Scales, film_time
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "parameter_sets.csv"
 ROWS = {row["set"][0]: row for row in csv.DictReader(REFERENCE.open())}
@@ -78,7 +78,7 @@ def test_set_c_contradicts_itself():
 
 def test_closed_forms(text):
     case = read_cases(text, "demo.toml")[0].case
-    scales = Scales.from_case(case)
+    scales = case.scales
     t0 = 6 * 1.85e-5 * 0.014**2 / (101325 * 20.4e-6**2)
     assert scales.time == pytest.approx(t0, rel=1e-15)
     assert scales.time == film_time(1.85e-5, 101325.0, 0.014, 20.4e-6)
@@ -101,8 +101,8 @@ def test_speeds_and_frequencies_return(value, time):
 
 def test_si_and_dimensionless_input_give_the_same_parameters(text):
     case = read_cases(text, "demo.toml")[0].case
-    scales = Scales.from_case(case)
-    assert dict(zip(PARAMETERS, scales.parameters(case), strict=True)) == {
+    scales = case.scales
+    assert dict(zip(PARAMETERS, case.parameters, strict=True)) == {
         "speed": 1.0,
         "excitation_frequency": 0.7,
         "displacement": 0.2,
@@ -114,14 +114,12 @@ def test_si_and_dimensionless_input_give_the_same_parameters(text):
         f"bearings.foil.areal_stiffness={10 * 101325.0 / 20.4e-6!r}",
     )
     dimensional = read_cases(text, "demo.toml", overrides)[0].case
-    assert scales.from_case(dimensional).parameters(dimensional) == pytest.approx(
-        scales.parameters(case), rel=1e-14
-    )
+    assert dimensional.parameters == pytest.approx(case.parameters, rel=1e-14)
 
 
 def test_the_second_bearing_enters_by_its_ratios(text):
     overrides = ("bearings.1.clearance=40.8e-6", "bearings.1.radius=0.028", "bearings.1.foil.rigid=true")
-    first, second = Scales.from_case(read_cases(text, "demo.toml", overrides)[0].case).bearings
+    first, second = read_cases(text, "demo.toml", overrides)[0].case.scales.bearings
     assert (first.time_ratio, first.clearance_ratio, first.force_ratio) == (1.0, 1.0, 1.0)
     # t ~ R^2/c^2 and F ~ R L
     assert (second.time_ratio, second.clearance_ratio, second.force_ratio) == pytest.approx((1.0, 2.0, 2.0))
@@ -142,12 +140,11 @@ def test_a_ring_load_is_a_displacement_of_the_same_length_in_both_bearings(text)
     words = ("excitation.load=10", "bearings.1.clearance=40.8e-6", "excitation.amplitudes=[1.0, 0.5]")
     loaded = read_cases(text + RING, "demo.toml", words)[0].case
     assert loaded.excitation.displacement is None
-    scales = Scales.from_case(loaded)
     moved = ring_displacement_from_load(loaded.excitation.ring, 10.0)
-    assert scales.parameters(loaded)[2] == pytest.approx(moved / 20.4e-6, rel=1e-14)
-    assert scales.ring_factors(loaded.excitation) == pytest.approx((1.0, 0.25), rel=1e-14)
+    assert loaded.parameters[2] == pytest.approx(moved / 20.4e-6, rel=1e-14)
+    assert loaded.scales.ring_factors(loaded.excitation) == pytest.approx((1.0, 0.25), rel=1e-14)
     given_directly = read_cases(text, "demo.toml", words[1:])[0].case
-    assert Scales.from_case(given_directly).ring_factors(given_directly.excitation) == (1.0, 0.5)
+    assert given_directly.scales.ring_factors(given_directly.excitation) == (1.0, 0.5)
 
 
 def test_rotor_geometry(text):

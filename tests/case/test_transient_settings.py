@@ -10,7 +10,6 @@ import pytest
 
 from pipelines.case.identity import physics_hash
 from pipelines.case.reading import read_cases
-from pipelines.case.scales import Scales
 from pipelines.case.transient_settings import unbalance_moments
 
 
@@ -20,7 +19,7 @@ def case_of(text: str, *overrides: str):
 
 def moments(text: str, *overrides: str):
     case = case_of(text, *overrides)
-    return unbalance_moments(case.unbalance, case.rotor, case.bearings, Scales.from_case(case))
+    return unbalance_moments(case.unbalance, case.rotor, case.bearings, case.scales)
 
 
 def test_a_grade_is_split_equally_over_the_bearings_in_phase(text):
@@ -34,7 +33,7 @@ def test_a_grade_is_split_equally_over_the_bearings_in_phase(text):
 
 
 def test_a_rated_speed_without_dimension_is_the_same_speed(text):
-    scales = Scales.from_case(case_of(text))
+    scales = case_of(text).scales
     dimensionless = f"unbalance.rated_speed={scales.speed_from_rpm(30000.0)!r}"
     rpm = moments(text, "unbalance.grade=2.5", "unbalance.rated_speed_rpm=30000")
     assert moments(text, "unbalance.grade=2.5", dimensionless)[0][1] == pytest.approx(rpm[0][1], rel=1e-13)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from pipelines.case.reading import NamedCase, read_cases
-from pipelines.case.scales import Scales
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
@@ -220,7 +219,7 @@ def test_a_mass_is_found_through_a_measured_critical_speed(tmp_path: Path) -> No
     true = calibrated("", "rotor.discs.0.mass=0.1")
     assert Watched("criticals", true, tmp_path / "true.zarr").result.ok
     computed = read_group(open_for_reading(tmp_path / "true.zarr"), "cases/smoke/criticals")
-    measured = Scales.from_case(true.case).speed_rpm(computed["critical_speed"][0])
+    measured = true.case.scales.speed_rpm(computed["critical_speed"][0])
     table = f"""
 [calibrate]
 tolerance = 1e-4

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from agfb_cli.errors import ExitCode
 from agfb_cli.main import app
-from pipelines.case.models import PARAMETERS
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group

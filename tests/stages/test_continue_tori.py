@@ -12,8 +12,8 @@ import pytest
 
 from pipelines.bifurcations.circle import interpolated
 from pipelines.bifurcations.circle_map import PeriodCircle
-from pipelines.case.models import PARAMETERS
 from pipelines.case.reading import CaseError, stage_problems
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipelines.case.models import PARAMETERS
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group

@@ -12,8 +12,9 @@ import pytest
 from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveStart, CurveState, SpecialPoint
 from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.plane import CurveProblem
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase, read_cases
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.branch import open_branch
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import read_group

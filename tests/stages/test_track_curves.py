@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipelines.case.models import PARAMETERS
+from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group

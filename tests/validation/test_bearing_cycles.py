@@ -28,8 +28,9 @@ from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveState, C
 from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind, unstable_count
 from pipelines.bifurcations.switching import curve_from_event
-from pipelines.case.models import PARAMETERS, Case
+from pipelines.case.models import Case
 from pipelines.case.reading import read_cases
+from pipelines.case.scales import PARAMETERS
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.orbits.equilibrium import Equilibrium, at_rest, machine_equilibrium
