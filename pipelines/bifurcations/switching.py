@@ -193,6 +193,14 @@ def doubled_map(period_map: PeriodMap) -> PeriodMap:
     )
 
 
+def with_multiplied_period(problem: CycleProblem, turns: int) -> CycleProblem:
+    """The same problem for cycles that close after `turns` (1, 2, 4, ...) times the simple period."""
+    period_map = problem.period_map
+    for _ in range(turns.bit_length() - 1):
+        period_map = doubled_map(period_map)
+    return replace(problem, period_map=period_map)
+
+
 def _cycle_of(problem: CycleProblem, event: Event) -> Cycle | None:
     """The cycle of an event, corrected with its time steps."""
     at_event = replace(problem, parameters=event.parameters)

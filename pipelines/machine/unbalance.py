@@ -26,6 +26,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipelines.case.models import Case
+from pipelines.case.transient_settings import unbalance_moments
+
 from .assembly import Machine
 from .film import EXCITATION_FREQUENCY, SPEED
 from .kernels import RATES
@@ -88,3 +91,9 @@ def unbalanced_rates(phase, state, parameters, constants, layout, work, out):  #
     start = layout[ROTOR_STATE] + size
     for row in range(size):
         out[start + row] += along * constants[own + row] + across * constants[own + size + row]
+
+
+def unbalance_masses(case: Case) -> tuple[UnbalanceMass, ...]:
+    """The masses of a case's unbalance, in SI units."""
+    planes = unbalance_moments(case.unbalance, case.rotor, case.bearings, case.scales)
+    return tuple(UnbalanceMass(*plane) for plane in planes)

@@ -92,3 +92,21 @@ def cycle_shape(
     lowest = np.array([machine.pressures(orbit, index).min() for index in range(BEARINGS)])
     extremes = masters.min(axis=0), masters.max(axis=0)
     return CycleShape(masters, *extremes, trace, lowest, pressure, foil, thickness)
+
+
+def unphysical(shape: CycleShape, thinnest: float) -> str | None:
+    """A sentence if a cycle is not physical: a film too thin, or a pressure below vacuum."""
+    thickness, pressure = shape.film_trace.min(axis=0), shape.lowest_pressure
+    thin, low = int(np.argmin(thickness)), int(np.argmin(pressure))
+    if thickness[thin] < thinnest:
+        return (
+            f"the journal touches the foil of bearing {thin}: its film shrinks to {thickness[thin]:.3g} "
+            f"of the clearance (limit {thinnest:g}); "
+            "lower the excitation or the load, or the limit continue_cycles.minimum_film"
+        )
+    if pressure[low] <= 0.0:
+        return (
+            f"the pressure in bearing {low} falls below vacuum ({pressure[low]:.3g} of ambient): "
+            "the film grid does not resolve it; raise numerics.circumferential"
+        )
+    return None

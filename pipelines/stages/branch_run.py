@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchResult, BranchStart, BranchState, BranchStop
 from pipelines.bifurcations.detection import Event
-from pipelines.bifurcations.switching import doubled_branch, doubled_map
+from pipelines.bifurcations.switching import doubled_branch, with_multiplied_period
 from pipelines.case.models import Case
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.orbits.shooting import CycleProblem
@@ -66,15 +66,7 @@ class BranchRequest:
 def request_problem(job: Job, request: BranchRequest) -> CycleProblem:
     """The cycles that a request follows."""
     problem = cycle_problem(job.machine, request.case, request.fixed)
-    return turned(problem, request.turns)
-
-
-def turned(problem: CycleProblem, turns: int) -> CycleProblem:
-    """The same problem for cycles that close after `turns` (1, 2, 4, ...) times the simple period."""
-    period_map = problem.period_map
-    for _ in range(turns.bit_length() - 1):
-        period_map = doubled_map(period_map)
-    return replace(problem, period_map=period_map)
+    return with_multiplied_period(problem, request.turns)
 
 
 def trace_branch(job: Job, request: BranchRequest) -> None:
@@ -153,7 +145,8 @@ def _first_cycles(
     if request.origin is None:
         yield from first_cycles(job.machine, request.case, problem, watch)
         return
-    simple = turned(cycle_problem(job.machine, request.case, request.fixed), request.turns // 2)
+    cycles = cycle_problem(job.machine, request.case, request.fixed)
+    simple = with_multiplied_period(cycles, request.turns // 2)
     event = stored_event(job.read(request.origin.group, EVENT_NAMES), request.origin.event)
     amplitude = request.case.continue_cycles.amplitude
     for factor in DOUBLED_AMPLITUDES:

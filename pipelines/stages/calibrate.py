@@ -26,8 +26,8 @@ from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, open_for_writing
 from pipelines.stages.calibration_fit import Evaluation, Fit, NoEvaluationsLeft, fit
 from pipelines.stages.calibration_targets import Reached, reached
-from pipelines.stages.onset_speed import FAILED, FOUND, StopRequested
-from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.stages.onset_speed import FAILED, FOUND
+from pipelines.stages.results import Progress, Report, ShouldStop, StageResult, StopRequested
 
 Array = NDArray[np.float64]
 

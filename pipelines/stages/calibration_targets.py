@@ -9,7 +9,7 @@ slope is as smooth as the onsets are, and its zero is the same frequency.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,11 +27,10 @@ from pipelines.stages.onset_speed import (
     INVALID,
     NO_EQUILIBRIUM,
     Onset,
-    StopRequested,
     onset_speed,
 )
+from pipelines.stages.results import ShouldStop, StopRequested
 
-ShouldStop = Callable[[], bool]
 DIRECTIONS = {"any": (1, -1, 0), "forward": (1,), "backward": (-1,)}
 
 

@@ -32,7 +32,7 @@ from pipelines.orbits.equilibrium import machine_equilibrium
 from pipelines.orbits.linear import at_speed, dynamic_stiffness
 from pipelines.stages import missing_speeds
 from pipelines.stages.condensed_modes import LinearBearings, checked_modes
-from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult
+from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult, StopRequested
 
 Array = NDArray[np.float64]
 
@@ -42,10 +42,6 @@ UNBALANCE_ECCENTRICITY = 0.01
 
 NO_CRITICAL = "no critical speed lies inside the range"
 UNDECIDED = "critical speeds may be missing"
-
-
-class _StopRequested(Exception):  # noqa: N818
-    """The user asked to stop."""
 
 
 def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
@@ -60,7 +56,7 @@ def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
 
     def visit(done: int) -> None:
         if should_stop():
-            raise _StopRequested
+            raise StopRequested
         report(Progress("criticals", case.case_id, done, total))
 
     try:
@@ -68,7 +64,7 @@ def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
         diagram = campbell_diagram(machine, parameters, speeds, visit, table.max_damping_ratio)
         critical = critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
         linear = _linear_bearings(machine, parameters, case.case, diagram, visit)
-    except _StopRequested:
+    except StopRequested:
         return StageResult(case.case_id, True, "stopped on request")
     resonances = parametric_resonances([one.speed for one in critical.found], table.orders)
     arrays = _campbell_arrays(diagram) | _critical_arrays(machine, critical.found)

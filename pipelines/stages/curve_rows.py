@@ -19,8 +19,7 @@ from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS
-from pipelines.orbits.machine_cycles import CycleShape, cycle_shape
-from pipelines.stages.cycle_rows import unphysical
+from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 
 Array = NDArray[np.float64]
 

@@ -18,12 +18,11 @@ from pipelines.bifurcations.codimension_two import other_multipliers, resonant_e
 from pipelines.bifurcations.curve import CurveStart, CurveStop
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
-from pipelines.bifurcations.switching import curve_from_event, curve_of_second
+from pipelines.bifurcations.switching import curve_from_event, curve_of_second, with_multiplied_period
 from pipelines.bifurcations.traced import TracedCurve
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
-from pipelines.stages.branch_run import turned
 from pipelines.stages.curve_rows import CONTAINERS, SPECIAL_NAMES, TRACED, stored_special, traced
 from pipelines.stages.cycle_problem import cycle_problem, parameter_scale
 from pipelines.stages.cycle_rows import EVENT_NAMES, stored_event
@@ -151,7 +150,7 @@ def starts_of(job: Job, kind: EventKind) -> Iterator[Start]:
 def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
     table, turns = job.case.case.track_curves, int(branch.attributes.get("turns", 1))
     event = stored_event(branch, origin.event)
-    cycles = turned(cycle_problem(job.machine, job.case.case), turns)
+    cycles = with_multiplied_period(cycle_problem(job.machine, job.case.case), turns)
     problem, guess = curve_from_event(cycles, event, table.parameters, CurveFormulation(table.formulation))
     others = other_multipliers(
         event.kind, event.multipliers, float(np.cos(event.angle)), cycles.period_map.autonomous
@@ -179,7 +178,7 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
 def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:
     """Curves of a kind over the plane of the case, the other parameters as given; bordered."""
     case = job.case.case
-    cycles = turned(cycle_problem(job.machine, case), turns)
+    cycles = with_multiplied_period(cycle_problem(job.machine, case), turns)
     return CurveProblem(
         cycles.period_map,
         kind,

@@ -45,8 +45,7 @@ from pipelines.stages.curve_starts import (
     parameter_scales,
 )
 from pipelines.stages.cycle_problem import EVENT_SHARE, NORMAL_FORM, smooth_maps
-from pipelines.stages.cycle_rows import coordinates
-from pipelines.stages.job import Job
+from pipelines.stages.job import Job, coordinates
 from pipelines.stages.results import Report, ShouldStop, StageResult
 
 COMPLETE = frozenset(

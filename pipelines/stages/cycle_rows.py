@@ -15,11 +15,10 @@ from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
-from pipelines.machine.condensation import master_freedoms
 from pipelines.machine.rates import BEARINGS
-from pipelines.machine.shaft import NODE_FREEDOMS
-from pipelines.orbits.machine_cycles import CycleShape, cycle_shape
+from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.orbits.shooting import CycleProblem
+from pipelines.stages.job import coordinates
 
 Array = NDArray[np.float64]
 
@@ -60,33 +59,6 @@ def static_arrays(machine: Machine, case: Case, problem: CycleProblem) -> dict[s
         "snapshot": np.arange(SNAPSHOTS) / SNAPSHOTS,
         **coordinates(case),
     }
-
-
-def coordinates(case: Case) -> dict[str, Any]:
-    """Node and axis of every coordinate of the masters."""
-    freedoms = master_freedoms(case.rotor.master_nodes, case.rotor.slope_nodes)
-    return {
-        "coordinate_node": (freedoms // NODE_FREEDOMS).astype(np.int32),
-        "coordinate_axis": (freedoms % NODE_FREEDOMS).astype(np.int8),
-    }
-
-
-def unphysical(shape: CycleShape, thinnest: float) -> str | None:
-    """A sentence if a cycle is not physical: a film too thin, or a pressure below vacuum."""
-    film, pressure = shape.film_trace.min(axis=0), shape.lowest_pressure
-    thin, low = int(np.argmin(film)), int(np.argmin(pressure))
-    if film[thin] < thinnest:
-        return (
-            f"the journal touches the foil of bearing {thin}: its film shrinks to {film[thin]:.3g} "
-            f"of the clearance (limit {thinnest:g}); "
-            "lower the excitation or the load, or the limit continue_cycles.minimum_film"
-        )
-    if pressure[low] <= 0.0:
-        return (
-            f"the pressure in bearing {low} falls below vacuum ({pressure[low]:.3g} of ambient): "
-            "the film grid does not resolve it; raise numerics.circumferential"
-        )
-    return None
 
 
 _SAME_HALVES = 1e-6  # of the clearance: far below the amplitude at which doubled cycles are looked for

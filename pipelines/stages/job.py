@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.reading import list_groups, metadata_stamp, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine
+from pipelines.machine.condensation import master_freedoms
+from pipelines.machine.shaft import NODE_FREEDOMS
 from pipelines.stages.results import Progress, Report, ShouldStop
 
 
@@ -75,3 +81,12 @@ class Origin:
         """The origin among the attributes of a group; None when it has none."""
         stored = attributes.get("origin")
         return cls(str(stored["group"]), int(stored["event"])) if isinstance(stored, dict) else None
+
+
+def coordinates(case: Case) -> dict[str, Any]:
+    """Node and axis of every coordinate of the masters."""
+    freedoms = master_freedoms(case.rotor.master_nodes, case.rotor.slope_nodes)
+    return {
+        "coordinate_node": (freedoms // NODE_FREEDOMS).astype(np.int32),
+        "coordinate_axis": (freedoms % NODE_FREEDOMS).astype(np.int8),
+    }

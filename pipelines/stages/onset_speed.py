@@ -9,7 +9,7 @@ enough, but an instability below that start is not seen.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,14 +23,13 @@ from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.equilibrium import Equilibrium
 from pipelines.orbits.linear import at_speed, linear_point
-from pipelines.orbits.machine_cycles import cycle_shape
+from pipelines.orbits.machine_cycles import cycle_shape, unphysical
 from pipelines.stages.cycle_problem import continuation_options, cycle_problem
-from pipelines.stages.cycle_rows import unphysical
 from pipelines.stages.cycle_start import NoStart, Watch, first_cycles, first_hopf
 from pipelines.stages.linearize import leading_growth
+from pipelines.stages.results import ShouldStop, StopRequested
 
 Array = NDArray[np.float64]
-ShouldStop = Callable[[], bool]
 
 BELOW = (0.93, 0.8)  # of an expected onset: where a branch begins, the nearest first
 AROUND = (0.9, 1.1)  # of an expected onset: where a Hopf point is sought first, seen from so many speeds:
@@ -58,10 +57,6 @@ KINDS_OF = {
     "neimark_sacker": frozenset({EventKind.NEIMARK_SACKER}),
     "period_doubling": frozenset({EventKind.PERIOD_DOUBLING}),
 }
-
-
-class StopRequested(Exception):  # noqa: N818
-    """The user asked to stop before the onset was known."""
 
 
 @dataclass(frozen=True)

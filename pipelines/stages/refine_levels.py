@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from pipelines.bifurcations.curve import CurveStart
 from pipelines.bifurcations.pinned import PinnedPoint, pinned_point
 from pipelines.bifurcations.plane import CurveProblem, metric_of
+from pipelines.bifurcations.switching import with_multiplied_period
 from pipelines.case.models import Case
 from pipelines.case.scales import PARAMETERS
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.machine.regrid import regrid
 from pipelines.orbits.shooting import CycleProblem
-from pipelines.stages.branch_run import turned
 from pipelines.stages.cycle_problem import cycle_problem
 from pipelines.stages.extrapolation import Extrapolation, extrapolate
 from pipelines.stages.refine_points import StoredPoint
@@ -149,7 +149,7 @@ def _on_level(near: Machine, point: StoredPoint, level: Level, steps: int | None
     names = (point.held, point.free)
     held, free = (float(point.parameters[PARAMETERS.index(name)]) for name in names)
     try:
-        period_map = turned(level.problem, point.turns).period_map
+        period_map = with_multiplied_period(level.problem, point.turns).period_map
         problem = CurveProblem(period_map, point.kind, point.parameters, names, level.problem.options)
         state = regrid(near, level.machine, point.state)
     except ValueError as error:

@@ -60,3 +60,7 @@ class StageResult:
 
 Report = Callable[[Progress], None]
 ShouldStop = Callable[[], bool]
+
+
+class StopRequested(Exception):  # noqa: N818
+    """The user asked to stop before the result was known."""

@@ -19,9 +19,9 @@ from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import Branch, Resume
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS
-from pipelines.orbits.machine_cycles import CycleShape, cycle_shape
+from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.orbits.steppers import ImplicitStepper
-from pipelines.stages.cycle_rows import coordinates, unphysical
+from pipelines.stages.job import coordinates
 
 Array = NDArray[np.float64]
 

@@ -13,6 +13,7 @@ from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchState,
 from pipelines.bifurcations.circle_map import PeriodCircle
 from pipelines.bifurcations.detection import DetectionOptions, Event
 from pipelines.bifurcations.slow_bases import constant_bases
+from pipelines.bifurcations.switching import with_multiplied_period
 from pipelines.bifurcations.torus import TorusOptions, TorusPoint, TorusStart, TorusStop
 from pipelines.bifurcations.torus_continuation import continue_torus
 from pipelines.bifurcations.torus_problem import FourierOptions, TorusProblem
@@ -21,17 +22,14 @@ from pipelines.case.models import Case
 from pipelines.case.scales import PARAMETERS
 from pipelines.case.torus_settings import FEWEST_ANGLES
 from pipelines.machine.assembly import Machine
-from pipelines.machine.unbalance import UNBALANCE, UnbalanceMass
-from pipelines.orbits.machine_cycles import cycle_shape
+from pipelines.machine.unbalance import UNBALANCE, UnbalanceMass, unbalance_masses
+from pipelines.orbits.machine_cycles import cycle_shape, unphysical
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.orbits.unbalanced_map import UNBALANCED_PARAMETERS, unbalanced_system
-from pipelines.stages.branch_run import turned
 from pipelines.stages.cycle_problem import cycle_problem
-from pipelines.stages.cycle_rows import unphysical
 from pipelines.stages.cycle_start import FirstCycle, NoStart, Watch, first_cycles
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.torus_rows import torus_shape
-from pipelines.stages.transient_run import unbalance_masses
 
 BORN_AMPLITUDES = (1.0, 0.25, 4.0)  # of the first torus at a Neimark-Sacker point, in units of `amplitude`
 _RAMP = TorusOptions(range=(0.0, 1.0), step=0.5, minimum_step=1e-2, maximum_step=0.5)
@@ -223,12 +221,12 @@ def forced_cycles(machine: Machine, case: Case) -> tuple[Case, CycleProblem]:
 
 def born_tori(job: Job, origin: Origin, event: Event, turns: int) -> BornTori:
     """The tori of a case at a Neimark-Sacker point."""
-    cycles = turned(forced_cycles(job.machine, job.case.case)[1], turns)
+    cycles = with_multiplied_period(forced_cycles(job.machine, job.case.case)[1], turns)
     return BornTori(origin, cycles, event, turns, fourier_options(job.case.case))
 
 
 def unbalanced_tori(job: Job, direction: int) -> UnbalancedTori:
     """The tori of a case around its cycle."""
     along, cycles = forced_cycles(job.machine, job.case.case)
-    masses = unbalance_masses(along, job.machine.scales)
+    masses = unbalance_masses(along)
     return UnbalancedTori(job.machine, along, cycles, masses, direction, fourier_options(along))

@@ -18,7 +18,7 @@ from pipelines.datasets.store import Store, open_for_reading, open_for_writing
 from pipelines.machine.extremes import FILM, HIGH_FOIL, HIGH_PRESSURE, LOW_FOIL, LOW_PRESSURE, OBSERVED
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.transient import Block, Position, Status, advance, starting_position
-from pipelines.stages.cycle_rows import coordinates
+from pipelines.stages.job import coordinates
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.transient_analysis import write_transient_analysis
 from pipelines.stages.transient_run import Outlook, Run, outlook_of, prepare_run

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import Scales
-from pipelines.case.transient_settings import unbalance_moments
 from pipelines.datasets.layout import LARGEST_ROWS
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.store import Store
@@ -22,7 +21,7 @@ from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.extremes import FILM, LOW_PRESSURE, OBSERVED, machine_extremes
 from pipelines.machine.rates import BEARINGS
-from pipelines.machine.unbalance import UnbalanceMass, unbalance_acceleration
+from pipelines.machine.unbalance import UnbalanceMass, unbalance_acceleration, unbalance_masses
 from pipelines.orbits.drive import Drive, Switching, make_drive
 from pipelines.orbits.equilibrium import machine_equilibrium
 from pipelines.orbits.machine_cycles import machine_system
@@ -66,7 +65,7 @@ def prepare_run(named: NamedCase, store: Store | None) -> Run:
     case, machine = named.case, build_machine(named.case)
     request = request_of(case)
     group, stored, started = _place(named, store, request)
-    masses = unbalance_masses(case, machine.scales)
+    masses = unbalance_masses(case)
     driven = driven_machine(machine, masses)
     start = None
     if stored is None or not started:
@@ -103,12 +102,6 @@ def _place(
         f"the store holds {MOST_RUNS} transient runs of the case {named.case_id}",
         "name another store with -o",
     )
-
-
-def unbalance_masses(case: Case, scales: Scales) -> tuple[UnbalanceMass, ...]:
-    """The masses of a case's unbalance, in SI units."""
-    planes = unbalance_moments(case.unbalance, case.rotor, case.bearings, scales)
-    return tuple(UnbalanceMass(*plane) for plane in planes)
 
 
 def driven_machine(machine: Machine, masses: tuple[UnbalanceMass, ...]) -> DrivenSystem:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipelines.bifurcations.switching import with_multiplied_period
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import PARAMETERS
@@ -27,7 +28,6 @@ from pipelines.datasets.store import Store, open_for_reading
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.equilibrium import MEAN_PHASE, at_rest
-from pipelines.stages.branch_run import turned
 from pipelines.stages.cycle_problem import cycle_problem
 
 _SLACK = 10.0  # times the tolerance: another processor rounds differently along a period
@@ -115,7 +115,8 @@ def _equilibria(store: Store, group: str, case: Case, machine: Machine, sample: 
 def _cycles(store: Store, group: str, case: Case, machine: Machine, sample: int) -> Iterator[Checked]:
     """Mismatches of stored cycles after their period, relative to the largest component as Newton's are."""
     rows = read_group(store, group, ("state", "period", "steps_per_period", *PARAMETERS))
-    period_map = turned(cycle_problem(machine, case), int(rows.attributes.get("turns", 1))).period_map
+    turns = int(rows.attributes.get("turns", 1))
+    period_map = with_multiplied_period(cycle_problem(machine, case), turns).period_map
     for row in _spread(np.arange(rows.n_points), sample):
         state, parameters = rows["state"][row], _parameters(rows, row)
         steps = int(rows["steps_per_period"][row])

@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pipelines.bifurcations.switching import with_multiplied_period
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine
-from pipelines.stages.branch_run import turned
 from pipelines.stages.cycle_problem import cycle_problem
 from pipelines.stages.cycle_rows import BranchRecorder
 from tests.helpers.tiny import Watched, tiny_case
@@ -51,7 +51,7 @@ def doubled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_doubled_cycles_close_after_two_periods(doubled: Path) -> None:
     case = tiny_case(*ACROSS).case
     simple = cycle_problem(build_machine(case), case)
-    twice = turned(simple, 2).period_map
+    twice = with_multiplied_period(simple, 2).period_map
     rows = branch(doubled, "d000")
     assert rows.attributes["turns"] == 2
     assert rows.attributes["origin"] == {"group": "cycles/b000", "event": 0}
@@ -92,7 +92,7 @@ def test_cycles_of_half_the_period_are_on_no_doubled_branch(doubled: Path) -> No
 
     def said(found: Group, index: int, before: int | None) -> str | None:
         parameters = np.array([found[name][index] for name in PARAMETERS])
-        image = turned(simple, 2).period_map.evaluate(
+        image = with_multiplied_period(simple, 2).period_map.evaluate(
             found["state"][index],
             parameters,
             4.0 * np.pi / parameters[1],
