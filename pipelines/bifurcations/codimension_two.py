@@ -26,9 +26,9 @@ import numpy as np
 
 from pipelines.bifurcations.critical import Critical
 from pipelines.bifurcations.curve import SpecialKind, SpecialPoint
-from pipelines.bifurcations.detection import EventKind, nontrivial, signed_smallest
+from pipelines.bifurcations.detection import EventKind, signed_smallest
 from pipelines.bifurcations.normal_forms import NormalForm
-from pipelines.orbits.floquet import Complex
+from pipelines.orbits.floquet import Complex, nontrivial
 from pipelines.orbits.system import Vector
 
 # The kinds of the two curves that meet in a special point.

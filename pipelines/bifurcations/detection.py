@@ -23,7 +23,7 @@ from scipy.optimize import brentq
 
 from pipelines.bifurcations.crossing_cycles import own_doubling, own_pitchfork, passes_own_doubling
 from pipelines.bifurcations.segment import Segment
-from pipelines.orbits.floquet import Complex
+from pipelines.orbits.floquet import Complex, nontrivial
 from pipelines.orbits.shooting import Cycle, Unknowns, tangent_at
 from pipelines.orbits.system import Vector
 
@@ -133,13 +133,6 @@ class Event:
     fraction: float
     steps: int
     direction: Unknowns | None = None
-
-
-def nontrivial(multipliers: Complex, autonomous: bool) -> Complex:
-    """The multipliers without the trivial one (the nearest to 1) of an autonomous cycle."""
-    if not autonomous:
-        return multipliers
-    return np.delete(multipliers, int(np.argmin(np.abs(multipliers - 1.0))))
 
 
 def unstable_count(multipliers: Complex, autonomous: bool) -> int:

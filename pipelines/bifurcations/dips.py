@@ -15,9 +15,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.bifurcations.detection import nontrivial
 from pipelines.bifurcations.segment import Segment
-from pipelines.orbits.floquet import Complex
+from pipelines.orbits.floquet import Complex, nontrivial
 from pipelines.orbits.system import Vector
 
 _NEAR = 0.5  # share of the nearer end below which the lowest point of the parabola is looked at

@@ -14,7 +14,7 @@ from pipelines.bifurcations.critical import (
     with_period,
 )
 from pipelines.bifurcations.criticality import critical_matrix
-from pipelines.bifurcations.detection import EventKind, nontrivial
+from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.invariant_pair import invariant_plane
 from pipelines.bifurcations.plane import (
     MapAt,
@@ -22,7 +22,7 @@ from pipelines.bifurcations.plane import (
 from pipelines.bifurcations.surface import (
     linearise,
 )
-from pipelines.orbits.floquet import Complex, orthonormal
+from pipelines.orbits.floquet import Complex, nontrivial, orthonormal
 from pipelines.orbits.system import Matrix
 
 

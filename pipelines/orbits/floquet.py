@@ -162,3 +162,10 @@ def full_monodromy(
 ) -> Matrix:
     """The whole monodromy matrix (N, N): for tests and measurements, never for a large system."""
     return period_map.monodromy_columns(state, parameters, period, steps, np.eye(period_map.size))
+
+
+def nontrivial(multipliers: Complex, autonomous: bool) -> Complex:
+    """The multipliers without the trivial one (the nearest to 1) of an autonomous cycle."""
+    if not autonomous:
+        return multipliers
+    return np.delete(multipliers, int(np.argmin(np.abs(multipliers - 1.0))))
