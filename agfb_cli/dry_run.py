@@ -12,7 +12,7 @@ from agfb_cli.progress import in_words
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
-    from pipelines.stages.plan import Planned
+    from pipelines.stages.scheduling.plan import Planned
 
 
 def make_plan(stages: Sequence[str], cases: Sequence[NamedCase], store: Path | None) -> list[Planned]:
@@ -20,8 +20,8 @@ def make_plan(stages: Sequence[str], cases: Sequence[NamedCase], store: Path | N
 
     Raises UsageError for a run in time that cannot start, StoreError for a damaged store.
     """
-    from pipelines.stages.plan import plan
-    from pipelines.stages.transient_start import CannotRunError
+    from pipelines.stages.scheduling.plan import plan
+    from pipelines.stages.transients.start import CannotRunError
 
     try:
         return list(plan(stages, cases, store))

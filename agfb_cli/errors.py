@@ -92,7 +92,7 @@ def explain(error: BaseException) -> Explanation:
         return Explanation(ExitCode.USAGE, str(error))
     if _is_from(error, "pipelines.datasets.store", "StoreError"):
         return _explain_store_error(error)
-    if _is_from(error, "pipelines.stages.pool", "ClusterError"):
+    if _is_from(error, "pipelines.stages.scheduling.pool", "ClusterError"):
         return Explanation(ExitCode.RESOURCES, str(error), getattr(error, "advice", ""))
     if isinstance(error, MemoryError):
         return Explanation(

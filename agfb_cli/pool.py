@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from agfb_cli.errors import UsageError
-from pipelines.stages.pool import ClusterError, Pool
+from pipelines.stages.scheduling.pool import ClusterError, Pool
 
 SCHEMES = ("tcp://", "tls://")
 
@@ -47,7 +47,7 @@ def settings_of_dask(pool: Pool) -> Iterator[None]:
         for name in _variables():
             del os.environ[name]
     try:
-        import pipelines.stages.campaign  # noqa: F401 - and Dask with it
+        import pipelines.stages.scheduling.campaign  # noqa: F401 - and Dask with it
     except (ImportError, MemoryError, OSError):
         raise
     except Exception as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -40,6 +41,21 @@ CONFINED = {
     "yaml": set(),
     "pandas": set(),
 }
+# Modules and subpackages of a layer from bottom to top: each imports only what stands before it.
+ORDER = {
+    "orbits": (
+        "system", "steppers", "integration", "period_map", "compiled", "floquet", "shooting", "time_steps",
+        "hopf_start", "machine_cycles", "equilibria", "time_runs",
+    ),
+    "bifurcations": (
+        "continuation", "acceptance", "cycles", "detection", "branch", "arclength", "plane", "critical",
+        "normal_forms", "curve", "curves", "curve_continuation", "switching", "hopf_point", "tori",
+    ),
+    "stages": (
+        "results", "job", "linear", "cycles", "curves", "transients", "tori", "refinement", "calibration",
+        "reports", "scheduling",
+    ),
+}  # fmt: skip
 TOP_LEVEL_FOLDERS = {"agfb_cli", "pipelines", "configs", "tests"}
 MADE_BY_TOOLS = {"build", "dist"}
 MUTABLE_CONSTRUCTORS = {"list", "dict", "set", "defaultdict", "deque", "OrderedDict", "Counter", "bytearray"}
@@ -140,6 +156,18 @@ def import_graph(parsed: dict[str, tuple[ast.AST, str]]) -> dict[str, set[str]]:
     return graph
 
 
+def upward_imports(graph: dict[str, set[str]], layer: str) -> list[str]:
+    """Imports of a layer's modules against its order."""
+    rank = {name: number for number, name in enumerate(ORDER[layer])}
+    inside = {name: name.split(".")[2] for name in graph if name.startswith(f"pipelines.{layer}.")}
+    return [
+        f"{name} imports {other}"
+        for name in inside
+        for other in graph[name] & inside.keys()
+        if rank[inside[other]] > rank[inside[name]]
+    ]
+
+
 def import_cycle(graph: dict[str, set[str]]) -> tuple[str, ...]:
     """One cycle of imports, or nothing."""
     try:
@@ -211,6 +239,20 @@ def test_no_import_cycles() -> None:
     assert import_cycle(graph) == ()
 
 
+@pytest.mark.parametrize("layer", ORDER)
+def test_rooms_of_a_layer_build_on_each_other(layer: str) -> None:
+    folder = ROOT / "pipelines" / layer
+    found = {path.name.removesuffix(".py") for path in folder.iterdir() if not path.name.startswith("__")}
+    assert found == set(ORDER[layer])
+    graph = import_graph({dotted_name(path): (tree, package_of(path)) for path, tree in PARSED.items()})
+    assert upward_imports(graph, layer) == []
+
+
+def test_the_order_check_sees() -> None:
+    above = {"pipelines.stages.job": {"pipelines.stages.cycles.rows"}, "pipelines.stages.cycles.rows": set()}
+    assert upward_imports(above, "stages") == ["pipelines.stages.job imports pipelines.stages.cycles.rows"]
+
+
 def test_the_package_itself_imports_nothing() -> None:
     top = PARSED[ROOT / "pipelines" / "__init__.py"]
     assert {module for _, module in imported_modules(top, "pipelines")} <= {"__future__"}
@@ -236,7 +278,19 @@ def test_public_names_are_documented() -> None:
 
 
 def test_every_module_says_what_it_is() -> None:
-    assert [name_of(path) for path, tree in PARSED.items() if tree.body and not ast.get_docstring(tree)] == []
+    assert [name_of(path) for path, tree in PARSED.items() if not ast.get_docstring(tree)] == []
+
+
+def test_every_package_is_a_map_of_its_modules() -> None:
+    missing = {}
+    for path, tree in PARSED.items():
+        if path.name == "__init__.py" and floor_of(path) != "agfb_cli":
+            lines = re.findall(r"^- ([\w, ]+):", ast.get_docstring(tree) or "", re.MULTILINE)
+            named = {name for line in lines for name in line.split(", ")}
+            there = {other.stem for other in path.parent.glob("*.py")} - {"__init__"}
+            there |= {other.parent.name for other in path.parent.glob("*/__init__.py")}
+            missing[name_of(path)] = sorted(there ^ named)
+    assert {name: names for name, names in missing.items() if names} == {}
 
 
 def test_no_other_top_level_folders() -> None:

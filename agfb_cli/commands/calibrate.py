@@ -31,7 +31,7 @@ from agfb_cli.pool import choose_pool
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
-    from pipelines.stages.calibration_report import Calibration
+    from pipelines.stages.calibration.report import Calibration
 
 HELP = """Fit machine parameters to measured or printed speeds.
 
@@ -92,7 +92,7 @@ def refuse(named_cases: Sequence[NamedCase], write: Path | None) -> None:
 def conclude(outcome: Outcome, request: Request, write: Path | None, console: Console) -> None:
     """Show the calibrations, as tables or as one JSON document, and write the copy if asked for."""
     from pipelines.datasets.store import open_for_reading
-    from pipelines.stages.calibration_report import read_calibration
+    from pipelines.stages.calibration.report import read_calibration
 
     chosen = select_cases(load_cases(request.config, request.assignments, stages=()), request.case_pattern)
     opened = open_for_reading(request.store)

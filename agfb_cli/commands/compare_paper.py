@@ -13,7 +13,7 @@ from agfb_cli.inputs import existing_store
 from agfb_cli.options import AsJson, Quiet, Traceback, Verbose
 
 if TYPE_CHECKING:
-    from pipelines.stages.paper_comparison import Row
+    from pipelines.stages.reports.paper_comparison import Row
 
 Stores = Annotated[
     list[Path], typer.Argument(metavar="STORE...", help="Stores with the bifurcation sets of `agfb run`.")
@@ -37,7 +37,7 @@ def compare_paper(
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         from pipelines.datasets.store import open_for_reading
-        from pipelines.stages.paper_comparison import (
+        from pipelines.stages.reports.paper_comparison import (
             IN_THE_PAPER,
             RECONSTRUCTION,
             compare_paper,

@@ -41,7 +41,7 @@ def info(
 
 def show(content: Mapping[str, Any], console: Console) -> None:
     """One line per group on stdout; origin, cautions and advice on stderr."""
-    from pipelines.stages.missing_speeds import named
+    from pipelines.stages.linear.missing_speeds import named
 
     attributes = content["attributes"]
     version = attributes.get("versions", {}).get("agfb", "of an unknown version")

@@ -17,7 +17,7 @@ from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbo
 
 if TYPE_CHECKING:
     from pipelines.datasets.store import Store as StoreOnDisk
-    from pipelines.stages.operating_range import Best, OperatingRange, Stretch
+    from pipelines.stages.reports.operating_range import Best, OperatingRange, Stretch
 
 Scales = Mapping[str, float]
 BIFURCATIONS = {
@@ -63,7 +63,7 @@ def operating_ranges(path: Path, pattern: str | None) -> tuple[dict[str, Operati
     """The ranges of the chosen cases, and why others have none."""
     from pipelines.datasets.reading import list_cases
     from pipelines.datasets.store import open_for_reading
-    from pipelines.stages.operating_range import NoSetError, operating_range
+    from pipelines.stages.reports.operating_range import NoSetError, operating_range
 
     opened = open_for_reading(path)
     found: dict[str, OperatingRange] = {}
@@ -79,7 +79,7 @@ def operating_ranges(path: Path, pattern: str | None) -> tuple[dict[str, Operati
 def store_ranges(path: Path, found: Mapping[str, OperatingRange], console: Console) -> bool:
     """Write the ranges into their store; False where it is read-only, which is told."""
     from pipelines.datasets.store import open_for_reading
-    from pipelines.stages.operating_range import write_operating_range
+    from pipelines.stages.reports.operating_range import write_operating_range
 
     opened = open_for_reading(path)
     written = [write_operating_range(opened, case, ranges) for case, ranges in found.items()]

@@ -41,8 +41,8 @@ from agfb_cli.timing import seconds_spent, where_time_went
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
-    from pipelines.stages.pool import Pool
     from pipelines.stages.results import StageResult
+    from pipelines.stages.scheduling.pool import Pool
 
 SECONDS_BEFORE_ANNOUNCEMENT = 2.0
 REFINABLE = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds", "bifurcation_set"})
@@ -211,22 +211,22 @@ def compute(
     interruption: Interruption,
 ) -> Outcome:
     """Run the stages on all cases: here one after the other, in a pool side by side."""
-    from pipelines.stages.recording import recorded
-    from pipelines.stages.scheduling import run_stages, stage_function
+    from pipelines.stages.scheduling import registry
+    from pipelines.stages.scheduling.tasks import recorded, run_stages
 
     outcome, begin = Outcome(), time.monotonic()
     tasks = len(stages) * len(named_cases) if len(named_cases) > 1 else None
     reporter = ProgressReporter(console, tasks=tasks)
     with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
         for stage in stages:  # also for the workers, which load what is compiled here
-            stage_function(stage)
+            registry.stage_function(stage)
     work = (stages, named_cases, request.store)
     with ExitStack() as stack:
         if request.pool is None:
             arriving = run_stages(*work, reporter, interruption.requested)
         else:
             stack.enter_context(settings_of_dask(request.pool))
-            from pipelines.stages.campaign import run_campaign
+            from pipelines.stages.scheduling.campaign import run_campaign
 
             arriving = run_campaign(*work, request.pool, reporter, interruption.requested)
         for stage, result in recorded(arriving, request.store, interruption.requested):
@@ -242,7 +242,7 @@ def prepare(request: Request, named_cases: Sequence[NamedCase], console: Console
     """Create the store, or check that the one that exists was made from the same configuration."""
     with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
         from pipelines.datasets.store import move_aside
-        from pipelines.stages.preparation import prepare_store
+        from pipelines.stages.scheduling.preparation import prepare_store
 
     if request.force and request.store.exists():
         console.message(f"moved the old store to {relative(move_aside(request.store))}")

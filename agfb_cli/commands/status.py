@@ -139,7 +139,7 @@ def show_failures(failures: list[Failure], console: Console) -> None:
 def groups(states: list[GroupState], everything: bool) -> list[tuple[object, ...]]:
     """Rows of the groups that have not ended or have speeds without equilibrium, or of all."""
     from pipelines.datasets.records import ENDED
-    from pipelines.stages.missing_speeds import named
+    from pipelines.stages.linear.missing_speeds import named
 
     rows: list[tuple[object, ...]] = []
     for state in states:

@@ -79,7 +79,7 @@ def transient(
 def refuse(named_cases: Sequence[NamedCase], store: Path | None, console: Console, yes: bool) -> None:
     """Raise UsageError for a run that cannot start, or that takes long unless `yes`; nothing is written."""
     with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
-        from pipelines.stages.transient import CannotRunError, outlook
+        from pipelines.stages.transients.transient import CannotRunError, outlook
 
     steps, seconds = 0, 0.0
     for named in named_cases:

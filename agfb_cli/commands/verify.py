@@ -14,7 +14,7 @@ from agfb_cli.inputs import existing_store
 from agfb_cli.options import AsJson, Quiet, Store, Traceback, Verbose
 
 if TYPE_CHECKING:
-    from pipelines.stages.verify import Checked, Finding
+    from pipelines.stages.reports.verify import Checked, Finding
 
 Sample = Annotated[
     int,
@@ -40,7 +40,7 @@ def verify(
     with explained(console):
         path = existing_store(store)
         with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
-            from pipelines.stages.verify import verify as verify_store
+            from pipelines.stages.reports.verify import verify as verify_store
 
         findings, checked = verify_store(path, sample)
         wrong = [finding for finding in findings if finding.severity == "error"]

@@ -24,6 +24,15 @@ from pipelines.bifurcations.branch import (
     Limit,
     Record,
 )
+from pipelines.bifurcations.continuation import (
+    STEP_GROWTH,
+    adapted_length,
+    is_start,
+    passes_start,
+    period_scale,
+)
+from pipelines.bifurcations.cycles.double_crossings import dips_inside
+from pipelines.bifurcations.cycles.segment import Metric, Segment, metric_of
 from pipelines.bifurcations.detection import (
     DetectionOptions,
     Event,
@@ -35,9 +44,6 @@ from pipelines.bifurcations.detection import (
     locate,
     unstable_count,
 )
-from pipelines.bifurcations.dips import dips_inside
-from pipelines.bifurcations.segment import Metric, Segment, metric_of
-from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start, period_scale
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import (
     Constraint,

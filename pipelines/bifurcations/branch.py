@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
+from pipelines.bifurcations.continuation import PlainState, refuse_misfits
 from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind
-from pipelines.bifurcations.walking import PlainState, refuse_misfits
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle, Unknowns
 from pipelines.orbits.system import Matrix, Vector

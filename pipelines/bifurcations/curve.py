@@ -9,11 +9,11 @@ from enum import Enum, IntEnum
 
 import numpy as np
 
-from pipelines.bifurcations.critical import Frame
+from pipelines.bifurcations.continuation import PlainState, refuse_misfits
+from pipelines.bifurcations.critical.critical_cycles import Frame
 from pipelines.bifurcations.detection import DetectionOptions, EventKind, Resonance, strong_resonance
-from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions
+from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
 from pipelines.bifurcations.plane import Position
-from pipelines.bifurcations.walking import PlainState, refuse_misfits
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle
 from pipelines.orbits.system import Matrix, Vector

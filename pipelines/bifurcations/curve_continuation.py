@@ -1,7 +1,7 @@
 """Period-doubling, Neimark-Sacker and fold curves: predict, correct, test, locate, record, adapt.
 
 On the surface of cycles over two parameters (``pipelines.bifurcations.plane``) a point follows u_0 with unit
-tangent t at distance h when, with the test function g of ``pipelines.bifurcations.critical``,
+tangent t at distance h when, with the test function g of ``pipelines.bifurcations.critical.critical_cycles``,
 
     phi(s, T, lambda) - s = 0,    phase(s) = 0,    g(s, T, lambda) = 0,    <t, u - u_0> = h
 """
@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipelines.bifurcations.acceptance import StepRule, refusal
-from pipelines.bifurcations.codimension_two import crossed, resonant_end, settled
-from pipelines.bifurcations.correction import Closing, CurveCorrection
+from pipelines.bifurcations.continuation import STEP_GROWTH, adapted_length, is_start, passes_start
+from pipelines.bifurcations.critical.correction import Closing, CurveCorrection
+from pipelines.bifurcations.critical.corrector import correct_critical
 from pipelines.bifurcations.curve import (
     CurveLimit,
     CurveOptions,
@@ -28,9 +29,9 @@ from pipelines.bifurcations.curve import (
     SpecialKind,
     SpecialPoint,
 )
-from pipelines.bifurcations.curve_corrector import correct_critical
-from pipelines.bifurcations.curve_opening import columns_of, demand_of, metric_from, open_curve
-from pipelines.bifurcations.curve_segment import (
+from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end, settled
+from pipelines.bifurcations.curves.first_point import columns_of, demand_of, metric_from, open_curve
+from pipelines.bifurcations.curves.segment import (
     Bracket,
     CurveEnd,
     CurveSegment,
@@ -39,14 +40,13 @@ from pipelines.bifurcations.curve_segment import (
     dip_beyond,
     locate_special,
 )
+from pipelines.bifurcations.curves.stored_curves import TracedCurve
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import (
     CurveProblem,
     PlaneMetric,
     Position,
 )
-from pipelines.bifurcations.traced import TracedCurve
-from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import reference_of
 from pipelines.orbits.time_steps import following_steps

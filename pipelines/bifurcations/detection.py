@@ -21,8 +21,8 @@ from itertools import product
 import numpy as np
 from scipy.optimize import brentq
 
-from pipelines.bifurcations.crossing_cycles import own_doubling, own_pitchfork, passes_own_doubling
-from pipelines.bifurcations.segment import Segment
+from pipelines.bifurcations.cycles.crossing_cycles import own_doubling, own_pitchfork, passes_own_doubling
+from pipelines.bifurcations.cycles.segment import Segment
 from pipelines.orbits.floquet import Complex, nontrivial
 from pipelines.orbits.shooting import Cycle, Unknowns, tangent_at
 from pipelines.orbits.system import Vector

@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipelines.bifurcations.branch import BranchStart
-from pipelines.bifurcations.codimension_two import SecondBifurcation, second_bifurcation
 from pipelines.bifurcations.curve import CurveStart, SpecialPoint
+from pipelines.bifurcations.curves.codimension_two import SecondBifurcation, second_bifurcation
+from pipelines.bifurcations.cycles.segment import Metric, metric_of
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
-from pipelines.bifurcations.segment import Metric, metric_of
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import (
     Constraint,

@@ -14,8 +14,7 @@ from pipelines.machine import film
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS, machine_rates, machine_tangent
 from pipelines.machine.shifted import factors_size, machine_factorise, machine_solve
-
-from .system import DynamicalSystem, ShiftedSolver
+from pipelines.orbits.system import DynamicalSystem, ShiftedSolver
 
 Array = NDArray[np.float64]
 

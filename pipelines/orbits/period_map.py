@@ -14,8 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.machine.lines import LINE
-from pipelines.orbits.implicit import aligned, propagate_columns, propagate_implicit, workspace_sizes
-from pipelines.orbits.propagation import propagate, workspace_size
+from pipelines.orbits.integration.implicit import (
+    aligned,
+    propagate_columns,
+    propagate_implicit,
+    workspace_sizes,
+)
+from pipelines.orbits.integration.propagation import propagate, workspace_size
 from pipelines.orbits.steppers import RK4, ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector, size_of
 

@@ -1,1 +1,14 @@
-"""One module per subcommand: a case in, groups of a store out; and the scheduling of many cases."""
+"""Stages: a case in, groups of a store out; and the scheduling of many cases.
+
+- results: what a stage tells while it runs and when it ends
+- job: a case with its machine and its store
+- linear: `agfb linearize` and `agfb criticals`
+- cycles: `agfb continue-cycles`: branches of cycles
+- curves: `agfb track-pd`, `track-ns`, `track-folds`, and the search of `agfb run` for the whole set
+- transients: `agfb transient`: runs in time and their analysis
+- tori: `agfb continue-tori`: branches of tori
+- refinement: `--refine`: discretisation errors of bifurcations
+- calibration: `agfb calibrate`
+- reports: `agfb report`, `compare-paper`, `verify`: from stored results
+- scheduling: registry of the stages, tasks, campaigns of many cases, plans
+"""

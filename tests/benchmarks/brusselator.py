@@ -32,7 +32,7 @@ from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import ESDIRK5
 from pipelines.orbits.system import DynamicalSystem, ShiftedSolver
-from pipelines.stages.cycle_problem import BUFFER_COLUMNS, INITIAL_COLUMNS, ORBIT_SAMPLES
+from pipelines.stages.cycles.problem import BUFFER_COLUMNS, INITIAL_COLUMNS, ORBIT_SAMPLES
 from tests.benchmarks.measuring import Measurement, growth_exponent
 from tests.benchmarks.settings import Settings
 

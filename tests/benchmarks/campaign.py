@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from pipelines.case.reading import NamedCase, read_cases
-from pipelines.stages.campaign import run_campaign
-from pipelines.stages.pool import Pool
-from pipelines.stages.preparation import prepare_store
 from pipelines.stages.results import Progress, StageResult
-from pipelines.stages.scheduling import run_stages
+from pipelines.stages.scheduling.campaign import run_campaign
+from pipelines.stages.scheduling.pool import Pool
+from pipelines.stages.scheduling.preparation import prepare_store
+from pipelines.stages.scheduling.tasks import run_stages
 from tests.benchmarks.measuring import Measurement
 from tests.benchmarks.settings import Settings
 

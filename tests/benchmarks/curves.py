@@ -12,10 +12,10 @@ from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchState
 from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveState, SpecialPoint
 from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.detection import Event, EventKind
-from pipelines.bifurcations.normal_forms import NormalFormOptions
+from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.switching import curve_from_event
 from pipelines.orbits.period_map import PeriodMap
-from pipelines.stages.cycle_problem import NORMAL_FORM, continuation_options, smooth_maps
+from pipelines.stages.cycles.problem import NORMAL_FORM, continuation_options, smooth_maps
 from tests.benchmarks.cycles import SPEED, Start, prepared, walked_point
 from tests.benchmarks.measuring import Measurement
 from tests.benchmarks.settings import Settings

@@ -28,8 +28,8 @@ from pipelines.orbits.shooting import (
     tangent_at,
 )
 from pipelines.orbits.time_steps import first_steps, step_demand
-from pipelines.stages.cycle_problem import continuation_options, cycle_problem
-from pipelines.stages.cycle_start import FirstCycle, resting_start
+from pipelines.stages.cycles.problem import continuation_options, cycle_problem
+from pipelines.stages.cycles.start import FirstCycle, resting_start
 from tests.benchmarks.measuring import Action, Measurement, growth_exponent, interleaved
 from tests.benchmarks.settings import Grid, Settings
 from tests.machines import case

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.machine.unbalance import UnbalanceMass
-from pipelines.orbits.drive import Switching, make_drive
-from pipelines.orbits.equilibrium import machine_equilibrium
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.steppers import RK4
-from pipelines.orbits.transient import trial_end
-from pipelines.orbits.unbalanced_map import UnbalancedMap, unbalanced_map
-from pipelines.stages.transient_run import driven_machine
+from pipelines.orbits.time_runs.drive import Switching, make_drive
+from pipelines.orbits.time_runs.transient import trial_end
+from pipelines.orbits.time_runs.unbalanced_map import UnbalancedMap, unbalanced_map
+from pipelines.stages.transients.run import driven_machine
 from tests.benchmarks.measuring import Measurement, interleaved
 from tests.benchmarks.settings import Settings
 from tests.machines import case

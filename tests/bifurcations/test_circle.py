@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.circle import (
+from pipelines.bifurcations.tori.fourier import (
     amplitudes,
     angles,
     applied,

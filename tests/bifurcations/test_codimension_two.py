@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.codimension_two import crossed, genuine, other_multipliers, resonant_end
 from pipelines.bifurcations.curve import SpecialKind
+from pipelines.bifurcations.curves.codimension_two import crossed, genuine, other_multipliers, resonant_end
 from tests.bifurcations.curve_runs import FLIP, FOLD, NS
 
 

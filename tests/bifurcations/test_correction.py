@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pipelines.bifurcations.correction import History
+from pipelines.bifurcations.critical.correction import History
 from tests.bifurcations.curve_runs import FLIP, map_problem
 from tests.bifurcations.explicit_maps import henon
 

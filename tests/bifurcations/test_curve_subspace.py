@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop, SpecialKind
-from pipelines.bifurcations.normal_forms import NormalFormOptions
+from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import joined_curve
 from pipelines.orbits.floquet import BasisOptions

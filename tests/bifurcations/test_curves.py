@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop, SpecialKind
+from pipelines.bifurcations.curves.stored_curves import TracedCurve
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import joined_curve
-from pipelines.bifurcations.traced import TracedCurve
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import ShootingOptions
 from pipelines.orbits.steppers import DOPRI8

@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.circle import angles, shift_matrix
-from pipelines.bifurcations.circle_map import PeriodCircle
-from pipelines.bifurcations.invariant_curve import TorusCorrection, correct_on_angles, correct_torus
-from pipelines.bifurcations.slow_bases import constant_bases
-from pipelines.bifurcations.torus_problem import (
+from pipelines.bifurcations.tori.circle_map import PeriodCircle
+from pipelines.bifurcations.tori.fourier import angles, shift_matrix
+from pipelines.bifurcations.tori.invariant_curve import TorusCorrection, correct_on_angles, correct_torus
+from pipelines.bifurcations.tori.problem import (
     FourierOptions,
     TorusProblem,
     TorusUnknowns,
     fixed_parameter,
 )
-from pipelines.bifurcations.torus_stability import torus_spectrum
-from pipelines.bifurcations.torus_start import torus_around
+from pipelines.bifurcations.tori.slow_bases import constant_bases
+from pipelines.bifurcations.tori.stability import torus_spectrum
+from pipelines.bifurcations.tori.start import torus_around
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import NewtonStop, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.curve import CurveOptions, CurveStart
-from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions
+from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem
 from tests.bifurcations.curve_runs import FLIP, FOLD, NS, map_problem, start, trace
 from tests.bifurcations.explicit_maps import cusp_map, delayed_logistic, flip_map, henon, rotation_map

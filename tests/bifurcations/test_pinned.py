@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.curve import CurveStart
-from pipelines.bifurcations.pinned import NotPinned, PinnedPoint, pinned_point
+from pipelines.bifurcations.curves.fixed_parameter import NotPinned, PinnedPoint, pinned_point
 from pipelines.bifurcations.plane import CurveProblem, metric_of
 from tests.bifurcations.curve_runs import FLIP, FOLD, NS, map_problem, start
 from tests.bifurcations.explicit_maps import cusp_map, henon, rotation_map

@@ -12,7 +12,7 @@ import pytest
 
 from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop, SpecialKind
 from pipelines.bifurcations.detection import Resonance
-from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions
+from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
 from pipelines.orbits.period_map import Formulation, PeriodImage, PeriodMap
 from pipelines.orbits.steppers import DOPRI8
 from tests.bifurcations.bilinear_oscillator import START, STATE, exact_map, oscillator

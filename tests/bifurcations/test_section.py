@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.curve import CurveOptions, SpecialKind
-from pipelines.bifurcations.normal_forms import NormalForm, NormalFormOptions
+from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import ShootingOptions

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.circle import angles, interpolated
-from pipelines.bifurcations.circle_map import PeriodCircle
-from pipelines.bifurcations.slow_bases import constant_bases
-from pipelines.bifurcations.torus import TorusOptions, TorusPoint, TorusStart, TorusState, TorusStop
-from pipelines.bifurcations.torus_continuation import continue_torus
-from pipelines.bifurcations.torus_problem import FourierOptions, TorusProblem
-from pipelines.bifurcations.torus_start import torus_around
+from pipelines.bifurcations.tori.circle_map import PeriodCircle
+from pipelines.bifurcations.tori.continuation import continue_torus
+from pipelines.bifurcations.tori.fourier import angles, interpolated
+from pipelines.bifurcations.tori.problem import FourierOptions, TorusProblem
+from pipelines.bifurcations.tori.slow_bases import constant_bases
+from pipelines.bifurcations.tori.start import torus_around
+from pipelines.bifurcations.tori.torus import TorusOptions, TorusPoint, TorusStart, TorusState, TorusStop
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import ShootingOptions
 from pipelines.orbits.steppers import DOPRI8

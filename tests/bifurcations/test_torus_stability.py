@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.circle import angles
-from pipelines.bifurcations.circle_map import CircleImage
-from pipelines.bifurcations.invariant_curve import Torus
-from pipelines.bifurcations.slow_bases import constant_bases
-from pipelines.bifurcations.torus_problem import TorusProblem, TorusUnknowns
-from pipelines.bifurcations.torus_stability import TorusSpectrum, growth_moduli, torus_spectrum
-from pipelines.bifurcations.torus_system import CirclePass
+from pipelines.bifurcations.tori.circle_map import CircleImage
+from pipelines.bifurcations.tori.fourier import angles
+from pipelines.bifurcations.tori.invariant_curve import Torus
+from pipelines.bifurcations.tori.problem import TorusProblem, TorusUnknowns
+from pipelines.bifurcations.tori.slow_bases import constant_bases
+from pipelines.bifurcations.tori.stability import TorusSpectrum, growth_moduli, torus_spectrum
+from pipelines.bifurcations.tori.system import CirclePass
 from pipelines.orbits.shooting import ShootingOptions
 
 GOLDEN = np.pi * (np.sqrt(5.0) - 1.0)  # rho of the golden mean

@@ -14,8 +14,8 @@ from pipelines.bifurcations.curve import CurveOptions, CurvePoint
 from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.switching import curve_from_event
-from pipelines.bifurcations.torus_stability import torus_spectrum
-from pipelines.bifurcations.torus_start import BornTorus, torus_from_event
+from pipelines.bifurcations.tori.stability import torus_spectrum
+from pipelines.bifurcations.tori.start import BornTorus, torus_from_event
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8

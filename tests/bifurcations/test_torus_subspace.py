@@ -9,12 +9,12 @@ import pytest
 
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchStart, ContinuationOptions
-from pipelines.bifurcations.circle import angles, interpolated
 from pipelines.bifurcations.detection import Event, EventKind
-from pipelines.bifurcations.slow_bases import SlowBases, aligned_frames, constant_bases, leading_columns
-from pipelines.bifurcations.torus import TorusOptions, TorusState, TorusStop
-from pipelines.bifurcations.torus_stability import settled_spectrum, torus_spectrum
-from pipelines.bifurcations.torus_start import torus_from_event
+from pipelines.bifurcations.tori.fourier import angles, interpolated
+from pipelines.bifurcations.tori.slow_bases import SlowBases, aligned_frames, constant_bases, leading_columns
+from pipelines.bifurcations.tori.stability import settled_spectrum, torus_spectrum
+from pipelines.bifurcations.tori.start import torus_from_event
+from pipelines.bifurcations.tori.torus import TorusOptions, TorusState, TorusStop
 from pipelines.orbits.floquet import BasisOptions
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions

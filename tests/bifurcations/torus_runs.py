@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipelines.bifurcations.torus import TorusPoint, TorusResult, TorusState
-from pipelines.bifurcations.torus_continuation import continue_torus
+from pipelines.bifurcations.tori.continuation import continue_torus
+from pipelines.bifurcations.tori.torus import TorusPoint, TorusResult, TorusState
 from pipelines.orbits.system import Matrix, Vector
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from pipelines.case.reading import CaseError, Problem, read_cases, stage_problems
 from pipelines.case.stage_checks import STAGE_TABLES
-from pipelines.stages.scheduling import STAGES
+from pipelines.stages.scheduling.registry import STAGES
 
 RIGID = "bearings.foil={rigid=true}"
 RING = "[excitation.ring]\ninner_radius = 0.02\nthickness = 2e-3\nwidth = 0.02\nyoung_modulus = 2e11\n"
@@ -16,7 +16,7 @@ RING += "poisson_ratio = 0.3\n"
 CURVES = {"track_pd", "track_ns", "track_folds"}
 
 
-def refused(text: str, *overrides: str, stages: tuple[str, ...] = STAGES) -> dict[str, list[Problem]]:
+def refused(text: str, *overrides: str, stages: tuple[str, ...] = tuple(STAGES)) -> dict[str, list[Problem]]:
     """What is wrong for each stage, where something is."""
     (named,) = read_cases(text, "demo.toml", overrides, stages=())
     found = {stage: stage_problems(named, (stage,)) for stage in stages}

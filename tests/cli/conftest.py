@@ -12,8 +12,8 @@ from typer.testing import CliRunner, Result
 
 from agfb_cli.main import app
 from pipelines.case.reading import NamedCase
-from pipelines.stages import scheduling
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.stages.scheduling import registry
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -30,7 +30,7 @@ class Program:
     def __post_init__(self) -> None:
         self.computed: list[tuple[str, str]] = []
         self.behaviour: Behaviour = succeed
-        self.monkeypatch.setattr(scheduling, "stage_function", self.stage)
+        self.monkeypatch.setattr(registry, "stage_function", self.stage)
         self.monkeypatch.chdir(self.folder)
 
     def stage(self, name: str) -> Callable[..., StageResult]:

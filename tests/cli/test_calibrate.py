@@ -12,8 +12,8 @@ from typer.testing import CliRunner, Result
 from agfb_cli.errors import ExitCode
 from agfb_cli.main import app
 from pipelines.case.reading import read_cases
-from pipelines.stages import calibrate as stage
-from pipelines.stages.calibration_targets import Reached
+from pipelines.stages.calibration import calibrate as stage
+from pipelines.stages.calibration.targets import Reached
 from tests.figures.synthetic_store import make_store
 from tests.helpers.paper import store_of, write_threshold
 from tests.helpers.tiny import CONFIG

@@ -33,7 +33,7 @@ from typer.testing import CliRunner
 from agfb_cli.errors import ExitCode
 from agfb_cli.main import BLAS_THREAD_VARIABLES, app
 from agfb_cli.pool import choose_pool
-from pipelines.stages.campaign import SETTINGS
+from pipelines.stages.scheduling.campaign import SETTINGS
 from tests.helpers.tiny import ROOT, TINY
 
 STEPWISE = ROOT / "configs" / "your_rotor.md"  # first, from nothing: the others shall not do its work

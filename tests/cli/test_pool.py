@@ -8,7 +8,7 @@ import pytest
 
 from agfb_cli.errors import UsageError
 from agfb_cli.pool import choose_pool
-from pipelines.stages.pool import Pool
+from pipelines.stages.scheduling.pool import Pool
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import pytest
 
 from agfb_cli.errors import ExitCode
 from agfb_cli.progress import in_words
-from pipelines.stages import transient as stage
-from pipelines.stages.transient import Outlook
+from pipelines.stages.transients import transient as stage
+from pipelines.stages.transients.transient import Outlook
 from tests.cli.conftest import Program
 from tests.helpers.tiny import TINY
 

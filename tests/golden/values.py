@@ -8,10 +8,10 @@ from typing import Any
 from pipelines.case.reading import read_cases
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.store import open_for_reading
-from pipelines.stages.continue_cycles import continue_cycles
-from pipelines.stages.criticals import criticals
-from pipelines.stages.linearize import linearize
-from pipelines.stages.preparation import prepare_store
+from pipelines.stages.cycles.continue_cycles import continue_cycles
+from pipelines.stages.linear.criticals import criticals
+from pipelines.stages.linear.linearize import linearize
+from pipelines.stages.scheduling.preparation import prepare_store
 
 CONFIG = Path(__file__).parents[2] / "configs" / "smoke.toml"
 SHORTER = (

@@ -17,7 +17,11 @@ from pathlib import Path
 
 from agfb_cli.main import app
 
-PRELOADED = ("tests.helpers.forked", "pipelines.stages.continue_cycles", "pipelines.stages.transient")
+PRELOADED = (
+    "tests.helpers.forked",
+    "pipelines.stages.cycles.continue_cycles",
+    "pipelines.stages.transients.transient",
+)
 MESSAGES = "messages.txt"
 LONGEST = 150.0  # s that a child may take
 
@@ -25,7 +29,7 @@ LONGEST = 150.0  # s that a child may take
 def context() -> ForkServerContext:
     """Where children are made. The first call in a test run starts the server."""
     found = multiprocessing.get_context("forkserver")
-    found.set_forkserver_preload([*PRELOADED, "distributed", "pipelines.stages.campaign"])
+    found.set_forkserver_preload([*PRELOADED, "distributed", "pipelines.stages.scheduling.campaign"])
     return found
 
 

@@ -7,7 +7,7 @@ import signal
 from collections.abc import Mapping
 from typing import Any
 
-from pipelines.stages import campaign, scheduling
+from pipelines.stages.scheduling import campaign, tasks
 
 POISONED = "displacement=0.2"
 
@@ -15,7 +15,7 @@ POISONED = "displacement=0.2"
 def poisoned(work: Mapping[str, Any], *others: Any) -> dict[str, Any]:
     if work["case"]["case_id"] == POISONED:
         os.kill(os.getpid(), signal.SIGKILL)
-    return scheduling.run_task(work, *others)
+    return tasks.run_task(work, *others)
 
 
 campaign.run_task = poisoned

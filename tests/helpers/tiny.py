@@ -6,9 +6,9 @@ from collections.abc import Collection
 from pathlib import Path
 
 from pipelines.case.reading import NamedCase, read_cases
-from pipelines.stages.preparation import prepare_store
 from pipelines.stages.results import Progress, StageResult
-from pipelines.stages.scheduling import stage_function
+from pipelines.stages.scheduling.preparation import prepare_store
+from pipelines.stages.scheduling.registry import stage_function
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs" / "smoke.toml"

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.bearing import FilmSettings, linearise_bearing, pack_bearing
-from pipelines.orbits.drive import Switching, make_drive
-from pipelines.orbits.equilibrium import at_rest, machine_equilibrium
-from pipelines.orbits.linear import dynamic_stiffness, linear_point
-from pipelines.orbits.transient import trial_end
-from pipelines.stages.transient_run import driven_machine
+from pipelines.orbits.equilibria.equilibrium import at_rest, machine_equilibrium
+from pipelines.orbits.equilibria.linear import dynamic_stiffness, linear_point
+from pipelines.orbits.time_runs.drive import Switching, make_drive
+from pipelines.orbits.time_runs.transient import trial_end
+from pipelines.stages.transients.run import driven_machine
 from tests.machines import BEARING, case, symmetric_rotor
 
 Array = NDArray[np.float64]

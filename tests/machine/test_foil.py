@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from pipelines.machine.bearing import Bearing, FilmSettings, film_state, pack_bearing
 from pipelines.machine.ring import ring_deformation
-from pipelines.orbits.equilibrium import film_equilibrium
+from pipelines.orbits.equilibria.equilibrium import film_equilibrium
 
 STIFFNESS, LOSS_FACTOR, SPEED = 4.0, 0.3, 1.7
 STILL = np.array([SPEED, 0.0, 0.0, STIFFNESS])

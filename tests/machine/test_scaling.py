@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipelines.case.models import Case
 from pipelines.machine.assembly import Machine, build_machine, film_settings, parameter_vector
 from pipelines.machine.bearing import film_state, pack_bearing
-from pipelines.orbits.equilibrium import machine_equilibrium
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from tests.machines import BEARING, DISC, OTHER_BEARING, case, symmetric_rotor
 
 RPM = 24_000.0

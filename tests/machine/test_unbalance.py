@@ -16,8 +16,8 @@ from pipelines.machine.extremes import (
 )
 from pipelines.machine.rates import BEARINGS
 from pipelines.machine.unbalance import UnbalanceMass, unbalance_acceleration
-from pipelines.orbits.equilibrium import machine_equilibrium
-from pipelines.orbits.unbalanced_map import UNBALANCED_PARAMETERS, unbalanced_system
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
+from pipelines.orbits.time_runs.unbalanced_map import UNBALANCED_PARAMETERS, unbalanced_system
 from tests.machines import BEARING, OTHER_BEARING, case, symmetric_rotor
 
 MASSES = (UnbalanceMass(2, 3e-6, 0.4), UnbalanceMass(9, 1e-6, -1.0))  # node 9 is condensed out

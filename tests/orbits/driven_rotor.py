@@ -11,7 +11,7 @@ from numba import njit
 from pipelines.machine.film import DISPLACEMENT, EXCITATION_FREQUENCY
 from pipelines.machine.kernels import RATES, TANGENT
 from pipelines.orbits.system import DynamicalSystem
-from pipelines.orbits.transient import DrivenSystem
+from pipelines.orbits.time_runs.transient import DrivenSystem
 from tests.systems import dense_shifted
 
 DAMPING, STIFFNESS = 0.2, 1.0

@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.orbits import modes as modes_module
-from pipelines.orbits.campbell import CampbellDiagram, campbell_diagram, may_turn
-from pipelines.orbits.critical_speeds import CriticalSpeeds, critical_speeds
-from pipelines.orbits.equilibrium import machine_equilibrium
-from pipelines.orbits.linear import at_speed
-from pipelines.orbits.modes import LARGEST_KNOWN, ModeSet, match_modes, modes_at
+from pipelines.orbits.equilibria import modes as modes_module
+from pipelines.orbits.equilibria.campbell import CampbellDiagram, campbell_diagram, may_turn
+from pipelines.orbits.equilibria.critical_speeds import CriticalSpeeds, critical_speeds
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
+from pipelines.orbits.equilibria.linear import at_speed
+from pipelines.orbits.equilibria.modes import LARGEST_KNOWN, ModeSet, match_modes, modes_at
 from tests.helpers.rotors import CLOSE_CRITICALS, HEAVY_ON_SOFT_FOILS, TwoDiscRotor
 from tests.machines import BEARING, case, symmetric_rotor
 

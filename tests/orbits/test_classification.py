@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipelines.orbits.classification import Limits, Motion, chaos_test, classify, return_distance
+from pipelines.orbits.time_runs.classification import Limits, Motion, chaos_test, classify, return_distance
 
 
 def logistic(r, count=600, skip=5000):

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from pipelines.machine.film import DISPLACEMENT, DISPLACEMENT_RATE, EXCITATION_FREQUENCY, SPEED
 from pipelines.machine.unbalance import unbalance_factors
-from pipelines.orbits.drive import BEGIN, Switching, make_drive, set_drive
+from pipelines.orbits.time_runs.drive import BEGIN, Switching, make_drive, set_drive
 
 TIMES, SPEEDS = [0.0, 3.0, 5.0], [0.5, 1.1, 0.8]
 STEADY = Switching(0.2, 0.2)

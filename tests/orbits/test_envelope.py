@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipelines.orbits.envelope import growth_rate, windowed_envelope, windowed_mean
+from pipelines.orbits.time_runs.envelope import growth_rate, windowed_envelope, windowed_mean
 
 
 def test_every_sample_belongs_to_one_window():

@@ -10,15 +10,15 @@ import pytest
 from numpy.typing import NDArray
 
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
-from pipelines.orbits import equilibrium
-from pipelines.orbits.equilibrium import (
+from pipelines.orbits.equilibria import equilibrium
+from pipelines.orbits.equilibria.equilibrium import (
     MEAN_PHASE,
     Equilibrium,
     at_rest,
     equilibrium_along,
     machine_equilibrium,
 )
-from pipelines.orbits.linear import at_speed
+from pipelines.orbits.equilibria.linear import at_speed
 from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS, random_rotor
 from tests.machines import BEARING, OTHER_BEARING, case, symmetric_rotor
 

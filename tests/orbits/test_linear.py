@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
-from pipelines.orbits import linear
-from pipelines.orbits.equilibrium import MEAN_PHASE, Equilibrium, at_rest, machine_equilibrium
-from pipelines.orbits.linear import (
+from pipelines.orbits.equilibria import linear
+from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, Equilibrium, at_rest, machine_equilibrium
+from pipelines.orbits.equilibria.linear import (
     LinearPoint,
     at_speed,
     dynamic_stiffness,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipelines.machine.assembly import build_machine
-from pipelines.orbits.modal_energy import modal_energy, rotor_modes, sampled_velocity
+from pipelines.orbits.time_runs.modal_energy import modal_energy, rotor_modes, sampled_velocity
 from tests.helpers.tiny import tiny_case
 
 

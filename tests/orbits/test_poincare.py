@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipelines.orbits.poincare import level_section, phase_section
+from pipelines.orbits.time_runs.poincare import level_section, phase_section
 
 
 def motion(time):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipelines.orbits.spectrum import amplitude_spectrum, waterfall
+from pipelines.orbits.time_runs.spectrum import amplitude_spectrum, waterfall
 
 
 @pytest.mark.parametrize("frequency", [0.5, 0.7003, 2.1717])

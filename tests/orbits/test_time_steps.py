@@ -32,8 +32,8 @@ from pipelines.orbits.shooting import (
 from pipelines.orbits.steppers import BUTCHER6, DOPRI8, RK4, Stepper
 from pipelines.orbits.system import DynamicalSystem, ode_system
 from pipelines.orbits.time_steps import first_steps, following_steps, step_demand
-from pipelines.stages.cycle_problem import cycle_problem
-from pipelines.stages.cycle_start import FirstCycle, resting_start
+from pipelines.stages.cycles.problem import cycle_problem
+from pipelines.stages.cycles.start import FirstCycle, resting_start
 from tests.systems import duffing, tondl
 
 SMOKE = (Path(__file__).resolve().parents[2] / "configs" / "smoke.toml").read_text()

@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.machine.unbalance import UnbalanceMass
-from pipelines.orbits.drive import Drive, Switching, make_drive
-from pipelines.orbits.equilibrium import machine_equilibrium
-from pipelines.orbits.transient import (
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
+from pipelines.orbits.time_runs.drive import Drive, Switching, make_drive
+from pipelines.orbits.time_runs.transient import (
     DrivenSystem,
     Plan,
     Position,
@@ -20,8 +20,8 @@ from pipelines.orbits.transient import (
     starting_position,
     trial_end,
 )
-from pipelines.orbits.unbalanced_map import unbalanced_map
-from pipelines.stages.transient_run import driven_machine
+from pipelines.orbits.time_runs.unbalanced_map import unbalanced_map
+from pipelines.stages.transients.run import driven_machine
 from tests.machines import BEARING, case
 from tests.orbits.driven_rotor import DAMPING, ECCENTRICITY, STIFFNESS, driven_rotor
 

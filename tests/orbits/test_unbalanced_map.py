@@ -9,12 +9,12 @@ import pytest
 
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.machine.unbalance import UnbalanceMass
-from pipelines.orbits.equilibrium import machine_equilibrium
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.floquet import deterministic_block
 from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.steppers import ESDIRK5
-from pipelines.orbits.unbalanced_map import UnbalancedMap, unbalanced_map
+from pipelines.orbits.time_runs.unbalanced_map import UnbalancedMap, unbalanced_map
 from tests.machines import case
 
 MASSES = (UnbalanceMass(2, 3e-6), UnbalanceMass(9, 1e-6, 1.0))

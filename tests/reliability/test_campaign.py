@@ -25,8 +25,8 @@ from typer.testing import CliRunner
 
 from agfb_cli.main import app
 from pipelines.datasets.integrity import verify
-from pipelines.stages import campaign
-from pipelines.stages.pool import ClusterError, Pool
+from pipelines.stages.scheduling import campaign
+from pipelines.stages.scheduling.pool import ClusterError, Pool
 from tests.helpers import forked
 from tests.helpers.cluster import cluster as small_cluster
 from tests.helpers.poison import POISONED

@@ -25,8 +25,7 @@ from pipelines.datasets.layout import layout
 from pipelines.datasets.metadata import encode, group_folder
 from pipelines.datasets.records import fit_all
 from pipelines.machine.assembly import build_machine
-from pipelines.stages.geometry import geometry
-from pipelines.stages.preparation import case_attributes
+from pipelines.stages.scheduling.preparation import case_attributes, geometry
 from tests.helpers.tiny import ROOT
 
 TEXTS = {name: (ROOT / "configs" / f"{name}.toml").read_text() for name in ("smoke", "your_rotor")}

@@ -18,8 +18,8 @@ from agfb_cli.errors import ExitCode
 from pipelines.datasets import durable
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.watching import watch
-from pipelines.stages.preparation import prepare_store
-from pipelines.stages.scheduling import run_task, task
+from pipelines.stages.scheduling.preparation import prepare_store
+from pipelines.stages.scheduling.tasks import run_task, task
 from tests.helpers import forked
 from tests.helpers.faults import full_disk
 from tests.helpers.tiny import CONFIG, TINY, tiny_case

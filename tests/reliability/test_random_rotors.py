@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.orbits.campbell import campbell_diagram
-from pipelines.orbits.critical_speeds import CriticalSpeeds, critical_speeds
+from pipelines.orbits.equilibria.campbell import campbell_diagram
+from pipelines.orbits.equilibria.critical_speeds import CriticalSpeeds, critical_speeds
 from tests.helpers.rotors import TwoDiscRotor, random_rotor
 
 GRID, RANGE, MAX_DAMPING_RATIO = (16, 2), (0.15, 1.5), 0.5

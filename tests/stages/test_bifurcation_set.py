@@ -12,11 +12,11 @@ from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
-from pipelines.stages.bifurcation_set import Line, covered, lines_of_round, lowest_speed
-from pipelines.stages.curve_rows import CONTAINERS, traced
-from pipelines.stages.curve_starts import Fate, next_start, starts_of
+from pipelines.stages.curves.bifurcation_set import Line, covered, lines_of_round, lowest_speed
+from pipelines.stages.curves.rows import CONTAINERS, traced
+from pipelines.stages.curves.starts import Fate, next_start, starts_of
 from pipelines.stages.job import Job, Origin
-from pipelines.stages.operating_range import set_cautions
+from pipelines.stages.reports.operating_range import set_cautions
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 

@@ -14,8 +14,8 @@ from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import OtherConfigurationError, open_for_reading
-from pipelines.stages import calibrate as stage
-from pipelines.stages.calibrate import (
+from pipelines.stages.calibration import calibrate as stage
+from pipelines.stages.calibration.calibrate import (
     CONVERGED,
     FAILED_TARGETS,
     NO_TABLE,
@@ -25,9 +25,9 @@ from pipelines.stages.calibrate import (
     start_position,
     value_at,
 )
-from pipelines.stages.calibration_report import Calibration, read_calibration
-from pipelines.stages.calibration_targets import Reached, reached
-from pipelines.stages.onset_speed import FOUND
+from pipelines.stages.calibration.onset_speed import FOUND
+from pipelines.stages.calibration.report import Calibration, read_calibration
+from pipelines.stages.calibration.targets import Reached, reached
 from tests.helpers.tiny import CONFIG, SHARP, TINY, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.circle import interpolated
-from pipelines.bifurcations.circle_map import PeriodCircle
+from pipelines.bifurcations.tori.circle_map import PeriodCircle
+from pipelines.bifurcations.tori.fourier import interpolated
 from pipelines.case.reading import CaseError, stage_problems
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.integrity import verify
@@ -20,10 +20,10 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.store import OtherConfigurationError, open_for_reading
 from pipelines.machine.assembly import build_machine
 from pipelines.orbits.machine_cycles import cycle_shape
-from pipelines.stages.cycle_start import NoStart
+from pipelines.stages.cycles.start import NoStart
 from pipelines.stages.job import Job
-from pipelines.stages.torus_rows import whirl_turn
-from pipelines.stages.torus_sources import forced_cycles, unbalanced_tori
+from pipelines.stages.tori.rows import whirl_turn
+from pipelines.stages.tori.sources import forced_cycles, unbalanced_tori
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 

@@ -15,8 +15,8 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.orbits.equilibrium import at_rest, machine_equilibrium
-from pipelines.orbits.linear import at_speed
+from pipelines.orbits.equilibria.equilibrium import at_rest, machine_equilibrium
+from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.stages.results import StageResult
 from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case

@@ -8,8 +8,8 @@ import pytest
 from pipelines.bifurcations.branch import BranchPoint
 from pipelines.case.models import Case
 from pipelines.machine.assembly import build_machine
-from pipelines.stages.cycle_problem import cycle_problem
-from pipelines.stages.cycle_start import FirstCycle, NoStart, Watch, first_cycles, first_hopf, resting_start
+from pipelines.stages.cycles.problem import cycle_problem
+from pipelines.stages.cycles.start import FirstCycle, NoStart, Watch, first_cycles, first_hopf, resting_start
 from tests.helpers.tiny import PASSIVE, tiny_case
 
 STIFFNESS = (

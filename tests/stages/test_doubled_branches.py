@@ -15,8 +15,8 @@ from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine
-from pipelines.stages.cycle_problem import cycle_problem
-from pipelines.stages.cycle_rows import BranchRecorder
+from pipelines.stages.cycles.problem import cycle_problem
+from pipelines.stages.cycles.rows import BranchRecorder
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
 

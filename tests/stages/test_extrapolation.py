@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from pipelines.stages.extrapolation import extrapolate, observed_order
+from pipelines.stages.refinement.extrapolation import extrapolate, observed_order
 
 
 @pytest.mark.parametrize("grids", [(24, 36, 54), (40, 60, 90), (24, 35, 50)])

@@ -14,9 +14,9 @@ from pipelines.datasets.store import OtherConfigurationError, open_for_reading
 from pipelines.datasets.watching import watch
 from pipelines.machine import film
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.orbits.equilibrium import at_rest
-from pipelines.orbits.linear import at_speed, linear_point
-from pipelines.stages.linearize import _instability, reference_parameters
+from pipelines.orbits.equilibria.equilibrium import at_rest
+from pipelines.orbits.equilibria.linear import at_speed, linear_point
+from pipelines.stages.linear.linearize import _instability, reference_parameters
 from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
@@ -55,7 +55,7 @@ def test_coefficients_at_low_frequency_are_the_static_stiffness(tmp_path: Path) 
     here from central differences of the film's equilibrium force.
     """
     from pipelines.machine.bearing import film_state
-    from pipelines.orbits.equilibrium import film_equilibrium
+    from pipelines.orbits.equilibria.equilibrium import film_equilibrium
 
     case = tiny_case("linearize.whirl_ratios=[0.001, 0.002]", "linearize.points=2")
     Watched("linearize", case, tmp_path / "a.zarr")

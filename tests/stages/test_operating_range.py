@@ -14,9 +14,9 @@ from pipelines.datasets.curves import BifurcationCurve, read_curve
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.store import Store
-from pipelines.stages import operating_range as stage
-from pipelines.stages.first_boundary import SpeedPlane
-from pipelines.stages.operating_range import (
+from pipelines.stages.reports import operating_range as stage
+from pipelines.stages.reports.first_boundary import SpeedPlane
+from pipelines.stages.reports.operating_range import (
     NoSetError,
     OperatingRange,
     operating_range,

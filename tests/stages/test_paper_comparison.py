@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from pipelines.datasets.store import Store, open_for_writing
-from pipelines.stages.operating_range import REFERENCE_FREQUENCY
-from pipelines.stages.paper_comparison import (
+from pipelines.stages.reports.operating_range import REFERENCE_FREQUENCY
+from pipelines.stages.reports.paper_comparison import (
     DISPLACEMENT,
     GAIN,
     IN_THE_PAPER,

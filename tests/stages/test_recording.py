@@ -8,8 +8,8 @@ import pytest
 
 from pipelines.datasets.failures import read_failures
 from pipelines.datasets.store import open_for_reading
-from pipelines.stages.recording import recorded
 from pipelines.stages.results import FailedBy, StageResult
+from pipelines.stages.scheduling.tasks import recorded
 from tests.helpers.curves import empty_store
 
 STAGE = "continue_cycles"

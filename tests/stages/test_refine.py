@@ -21,9 +21,9 @@ from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import OtherConfigurationError, open_for_reading, open_for_writing
 from pipelines.machine.assembly import build_machine
-from pipelines.stages import refine_levels
-from pipelines.stages.cycle_problem import cycle_problem
-from pipelines.stages.refine_levels import (
+from pipelines.stages.cycles.problem import cycle_problem
+from pipelines.stages.refinement import levels as refine_levels
+from pipelines.stages.refinement.levels import (
     BOUND,
     GRID_TOO_LARGE,
     NOT_CONVERGED,
@@ -37,7 +37,7 @@ from pipelines.stages.refine_levels import (
     grid_family,
     refine_point,
 )
-from pipelines.stages.refine_points import StoredPoint, stored_points
+from pipelines.stages.refinement.points import StoredPoint, stored_points
 from tests.helpers.tiny import CONFIG, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 from tests.machines import case as reconstruction

@@ -11,9 +11,9 @@ import pytest
 from pipelines.case.reading import NamedCase, read_cases
 from pipelines.datasets.reading import case_attributes, list_cases, list_groups
 from pipelines.datasets.store import NotAStoreError, OtherConfigurationError, open_for_reading
-from pipelines.stages import scheduling
-from pipelines.stages.preparation import prepare_store
 from pipelines.stages.results import Progress, StageResult
+from pipelines.stages.scheduling import registry, tasks
+from pipelines.stages.scheduling.preparation import prepare_store
 
 ROOT = Path(__file__).resolve().parents[2]
 SMOKE = (ROOT / "configs" / "smoke.toml").read_text()
@@ -35,10 +35,10 @@ def test_a_task_survives_the_way_to_another_process(monkeypatch: pytest.MonkeyPa
         seen.append((case, store_path))
         return StageResult(case.case_id, True, "range")
 
-    monkeypatch.setattr(scheduling, "stage_function", lambda name: stage)
+    monkeypatch.setattr(registry, "stage_function", lambda name: stage)
     (named,) = cases()
-    sent = json.loads(json.dumps(scheduling.task("linearize", named, tmp_path), allow_nan=False))
-    assert scheduling.run_task(sent, _ignore, _never)["ok"] is True
+    sent = json.loads(json.dumps(tasks.task("linearize", named, tmp_path), allow_nan=False))
+    assert tasks.run_task(sent, _ignore, _never)["ok"] is True
     assert seen == [(named, tmp_path)]
 
 
@@ -49,15 +49,15 @@ def test_no_case_is_started_after_a_request_to_stop(monkeypatch: pytest.MonkeyPa
         started.append(case.case_id)
         return StageResult(case.case_id, True, "range")
 
-    monkeypatch.setattr(scheduling, "stage_function", lambda name: stage)
+    monkeypatch.setattr(registry, "stage_function", lambda name: stage)
     swept = cases("sweep.excitation.displacement=[0.05, 0.1, 0.2]")
-    results = list(scheduling.run_stages(("linearize",), swept, tmp_path, _ignore, lambda: len(started) == 2))
+    results = list(tasks.run_stages(("linearize",), swept, tmp_path, _ignore, lambda: len(started) == 2))
     assert [result.case_id for _, result in results] == started == [named.case_id for named in swept[:2]]
 
 
 def test_an_unknown_stage_is_refused() -> None:
     with pytest.raises(ValueError, match="not one of linearize"):
-        scheduling.stage_function("track_all")
+        registry.stage_function("track_all")
 
 
 def test_the_store_holds_every_case_with_its_scales(tmp_path: Path) -> None:

@@ -12,10 +12,10 @@ from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import describe, read_group
 from pipelines.datasets.store import open_for_reading, open_for_writing
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.orbits.equilibrium import machine_equilibrium
-from pipelines.stages.preparation import prepare_store
-from pipelines.stages.transient import CannotRunError, outlook
-from pipelines.stages.transient_run import prepare_run
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
+from pipelines.stages.scheduling.preparation import prepare_store
+from pipelines.stages.transients.run import prepare_run
+from pipelines.stages.transients.transient import CannotRunError, outlook
 from tests.helpers.tiny import SHARP, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 

@@ -14,9 +14,9 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.schema import TRANSIENT_ANALYSIS
 from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.orbits.equilibrium import machine_equilibrium
-from pipelines.orbits.modal_energy import modal_energy, rotor_modes, sampled_velocity
-from pipelines.stages import transient_analysis
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
+from pipelines.orbits.time_runs.modal_energy import modal_energy, rotor_modes, sampled_velocity
+from pipelines.stages.transients import analysis as transient_analysis
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from agfb_cli.main import app
 from pipelines.datasets.errors import CorruptedError
 from pipelines.datasets.store import open_for_reading
-from pipelines.stages.verify import stored_case, verify
+from pipelines.stages.reports.verify import stored_case, verify
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 
 CYCLES = "cases/smoke/cycles/b000"

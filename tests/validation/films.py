@@ -19,8 +19,8 @@ from scipy.interpolate import interp1d
 from scipy.optimize import brentq
 
 from pipelines.machine.bearing import Bearing, FilmSettings, FilmState, film_state, pack_bearing
-from pipelines.orbits.equilibrium import film_equilibrium
-from pipelines.orbits.linear import dynamic_stiffness
+from pipelines.orbits.equilibria.equilibrium import film_equilibrium
+from pipelines.orbits.equilibria.linear import dynamic_stiffness
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -15,12 +15,12 @@ import numpy as np
 from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveStart
 from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.detection import EventKind
-from pipelines.bifurcations.normal_forms import NormalForm
+from pipelines.bifurcations.normal_forms.coefficients import NormalForm
 from pipelines.bifurcations.plane import CurveProblem
 from pipelines.case.models import Case
 from pipelines.machine.assembly import build_machine
-from pipelines.stages.cycle_problem import NORMAL_FORM, cycle_problem, smooth_maps
-from pipelines.stages.cycle_start import FirstCycle, resting_start
+from pipelines.stages.cycles.problem import NORMAL_FORM, cycle_problem, smooth_maps
+from pipelines.stages.cycles.start import FirstCycle, resting_start
 from tests.machines import BEARING, case, with_foil_stiffness
 
 NAMES = ("excitation_frequency", "speed")

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.arclength import continue_branch
-from pipelines.bifurcations.circle import interpolated
 from pipelines.bifurcations.detection import Event, EventKind
-from pipelines.bifurcations.torus_problem import FourierOptions
-from pipelines.bifurcations.torus_stability import settled_spectrum
-from pipelines.bifurcations.torus_start import torus_from_event
+from pipelines.bifurcations.tori.fourier import interpolated
+from pipelines.bifurcations.tori.problem import FourierOptions
+from pipelines.bifurcations.tori.stability import settled_spectrum
+from pipelines.bifurcations.tori.start import torus_from_event
 from pipelines.machine.assembly import build_machine
 from pipelines.orbits.shooting import CycleProblem
-from pipelines.stages.cycle_problem import continuation_options, cycle_problem
-from pipelines.stages.cycle_start import FirstCycle, resting_start
+from pipelines.stages.cycles.problem import continuation_options, cycle_problem
+from pipelines.stages.cycles.start import FirstCycle, resting_start
 from tests.helpers.tiny import SHARP, tiny_case
 
 

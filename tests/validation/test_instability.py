@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.orbits.linear import LinearPoint, at_speed, linear_point, locate_instability
+from pipelines.orbits.equilibria.linear import LinearPoint, at_speed, linear_point, locate_instability
 from tests.machines import BEARING, case
 
 # Extrapolated from grids up to 240 x 4, of this clipping and of one that leaves the edge cells alone.

@@ -25,7 +25,7 @@ from pipelines.bifurcations.curve import (
 )
 from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.detection import EventKind
-from pipelines.bifurcations.normal_forms import NormalFormOptions
+from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import joined_curve
 from pipelines.orbits.period_map import Formulation, PeriodMap

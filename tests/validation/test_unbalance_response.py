@@ -13,12 +13,12 @@ import pytest
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.machine.rotor_modes import LinearBearing, unbalance_response
 from pipelines.machine.unbalance import UnbalanceMass
-from pipelines.orbits.drive import Switching, make_drive
-from pipelines.orbits.equilibrium import machine_equilibrium
-from pipelines.orbits.linear import dynamic_stiffness
-from pipelines.orbits.transient import Plan, Status, advance, starting_position
-from pipelines.orbits.unbalanced_map import unbalanced_map
-from pipelines.stages.transient_run import driven_machine
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
+from pipelines.orbits.equilibria.linear import dynamic_stiffness
+from pipelines.orbits.time_runs.drive import Switching, make_drive
+from pipelines.orbits.time_runs.transient import Plan, Status, advance, starting_position
+from pipelines.orbits.time_runs.unbalanced_map import unbalanced_map
+from pipelines.stages.transients.run import driven_machine
 from tests.machines import BEARING, OTHER_BEARING, case, symmetric_rotor
 
 SPEED = 0.7

@@ -7,22 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipelines.bifurcations.circle import interpolated
-from pipelines.bifurcations.circle_map import PeriodCircle
-from pipelines.bifurcations.invariant_curve import Torus, correct_torus
-from pipelines.bifurcations.slow_bases import constant_bases
-from pipelines.bifurcations.torus_problem import FourierOptions, TorusProblem, TorusUnknowns, fixed_parameter
-from pipelines.bifurcations.torus_stability import settled_spectrum
+from pipelines.bifurcations.tori.circle_map import PeriodCircle
+from pipelines.bifurcations.tori.fourier import interpolated
+from pipelines.bifurcations.tori.invariant_curve import Torus, correct_torus
+from pipelines.bifurcations.tori.problem import FourierOptions, TorusProblem, TorusUnknowns, fixed_parameter
+from pipelines.bifurcations.tori.slow_bases import constant_bases
+from pipelines.bifurcations.tori.stability import settled_spectrum
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.machine.unbalance import UNBALANCE, UnbalanceMass, unbalance_acceleration
-from pipelines.orbits.drive import Switching, make_drive
-from pipelines.orbits.equilibrium import machine_equilibrium
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.shooting import Cycle, CycleProblem, Unknowns, correct, first_basis
 from pipelines.orbits.system import Vector
-from pipelines.orbits.transient import Plan, Status, advance, starting_position
-from pipelines.orbits.unbalanced_map import UNBALANCED_PARAMETERS, unbalanced_system
-from pipelines.stages.cycle_problem import cycle_problem
-from pipelines.stages.transient_run import driven_machine
+from pipelines.orbits.time_runs.drive import Switching, make_drive
+from pipelines.orbits.time_runs.transient import Plan, Status, advance, starting_position
+from pipelines.orbits.time_runs.unbalanced_map import UNBALANCED_PARAMETERS, unbalanced_system
+from pipelines.stages.cycles.problem import cycle_problem
+from pipelines.stages.transients.run import driven_machine
 from tests.helpers.tiny import SHARP, tiny_case
 
 SPEED, STEPS = 0.9371, 60

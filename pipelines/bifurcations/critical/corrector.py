@@ -1,0 +1,168 @@
+"""The corrector of a bifurcation curve: the cycle, its criticality and the closing row together.
+
+It moves on the surface of cycles of ``pipelines.bifurcations.critical.cycle_manifold``: a step is the Newton
+correction towards the surface plus beta times the tangent ``across`` that leaves the closing row alone,
+
+    du = d_r + beta t,      row . t = 0
+
+The bordered corrector finds beta from the test function g.  Its gradient row gamma is known on the two
+tangents of the last point and learnt elsewhere by Broyden updates, which costs no passes, and measured only
+where that does not get on:
+
+    beta = -(g + gamma d_r)/(gamma t),      gamma += (dg - gamma du)/<du, du> <du, .>
+
+The extended one is in ``pipelines.bifurcations.critical.extended_system``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipelines.bifurcations.critical.bordering import vectors_of
+from pipelines.bifurcations.critical.correction import (
+    Closing,
+    CriticalCycle,
+    CurveCorrection,
+    History,
+    following,
+)
+from pipelines.bifurcations.critical.critical_cycles import (
+    Critical,
+    Frame,
+    Vectors,
+    critical_derivatives,
+    critical_pass,
+    swept_pass,
+)
+from pipelines.bifurcations.critical.cycle_manifold import (
+    SurfaceLinearisation,
+    SurfaceStep,
+    surface_step,
+)
+from pipelines.bifurcations.critical.extended_system import correct_extended
+from pipelines.bifurcations.critical.testfunctions import critical_of
+from pipelines.bifurcations.plane import (
+    CurveFormulation,
+    CurveProblem,
+    MapAt,
+    PlaneMetric,
+    Position,
+)
+from pipelines.orbits.floquet import floquet_spectrum
+from pipelines.orbits.period_map import PhaseReference
+from pipelines.orbits.shooting import (
+    NewtonStop,
+)
+from pipelines.orbits.system import Matrix
+
+_BROYDEN_NOISE = 0.1  # share of a change of g that the settling of the basis may explain
+
+
+def correct_critical(
+    problem: CurveProblem,
+    guess: Position,
+    closing: Closing,
+    basis: Matrix,
+    frame: Frame,
+    steps: int,
+    reference: PhaseReference | None,
+) -> CurveCorrection:
+    """The point of the curve near ``guess`` on the closing row, in the formulation of the problem.
+
+    Failure is a result: see ``CurveCorrection.stop``.  Raises ValueError when an unknown period has no phase
+    reference.
+    """
+    if problem.period_map.autonomous and reference is None:
+        raise ValueError("an unknown period needs a phase reference")
+    at = MapAt(problem, problem.consistent(guess), steps, reference)
+    if problem.formulation is CurveFormulation.EXTENDED:
+        return correct_extended(at, closing, basis, frame)
+    return _correct_bordered(at, closing, basis, frame)
+
+
+def settled(found: CriticalCycle, frame: Frame, tolerance: float) -> CriticalCycle:
+    """The same point after as many subspace iterations as its multipliers and left vectors need.
+
+    ``tolerance``: residual asked of every multiplier above ``checked_modulus``, with at most
+    ``multiplier_sweeps`` passes; the point itself does not depend on the basis.
+    """
+    at, options = found.linear.at, found.linear.at.problem.options
+    basis, image = found.basis, found.linear.image
+    vectors = Vectors(found.critical.right, found.critical.right_period or 0.0)
+    for _ in range(options.multiplier_sweeps):
+        spectrum = floquet_spectrum(basis, image.columns[:, : basis.shape[1]])
+        if np.all(spectrum.residuals[np.abs(spectrum.multipliers) > options.checked_modulus] <= tolerance):
+            break
+        basis = following(basis, image.columns[:, : basis.shape[1]])
+        image = at.full_pass(np.hstack([basis, vectors.columns]))
+    if basis is found.basis:
+        return found
+    passed = swept_pass(at, basis, vectors, image, found.linear)
+    critical = critical_of(passed, frame)
+    return found if critical is None else CriticalCycle(passed.linear, critical, found.gradient)
+
+
+def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -> CurveCorrection:
+    history, vectors = History(), vectors_of(frame, at.problem.kind)
+    gradient, last = closing.gradient, 0.0
+    moved: Position | None = None
+    linear: SurfaceLinearisation | None = None
+    for _ in range(at.problem.options.iterations + 1):
+        passed = critical_pass(at, basis, vectors, linear)
+        if passed is None:
+            return history.ended(NewtonStop.NON_FINITE)
+        critical = critical_of(passed, frame)
+        if critical is None:
+            return history.ended(NewtonStop.SINGULAR)
+        linear = passed.linear
+        if moved is not None:
+            gradient = _learnt(gradient, moved, critical.value - last, critical.error, closing.metric)
+        history = history.and_then(max(linear.residual, closing.error(at.position)), critical.value)
+        if history.converged(at.problem, critical.error):
+            return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, gradient))
+        if history.diverged:
+            return history.given_up(NewtonStop.DIVERGED, at)
+        if history.stuck(at.problem):
+            return history.given_up(NewtonStop.STUCK, at)
+        step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
+        if step is None:
+            return history.ended(NewtonStop.SINGULAR)
+        if history.stalls:
+            gradient = _measured(linear, critical, gradient, step, closing.metric)
+        slope = gradient.dot(step.across)
+        if slope == 0.0:
+            return history.ended(NewtonStop.SINGULAR)
+        # beta = -(g + gamma d_r)/(gamma t)
+        beta = -(critical.value + gradient.dot(step.correction)) / slope
+        moved, last = step.correction.plus(step.across, beta), critical.value
+        at, basis = at.beside(moved, 1.0), following(basis, linear.image.columns)
+        vectors = Vectors(critical.right, critical.right_period or 0.0)
+    return history.given_up(NewtonStop.ITERATIONS, at)
+
+
+def _learnt(
+    gradient: Position, moved: Position, change: float, noise: float, metric: PlaneMetric
+) -> Position:
+    """Broyden: gamma += (dg - gamma du)/<du, du> <du, .>, unless dg is only the basis settling."""
+    size = metric.inner(moved, moved)
+    if size == 0.0 or noise > _BROYDEN_NOISE * abs(change):
+        return gradient
+    return gradient.plus(metric.row(moved), (change - gradient.dot(moved)) / size)
+
+
+def _measured(
+    linear: SurfaceLinearisation,
+    critical: Critical,
+    gradient: Position,
+    step: SurfaceStep,
+    metric: PlaneMetric,
+) -> Position:
+    """The gradient row made exact along both parts of the step, for the price of two pairs of passes."""
+    across = metric.unit(step.across)
+    rest = step.correction.plus(across, -metric.inner(across, step.correction))
+    size = metric.norm(rest)
+    directions = (across,) if size == 0.0 else (across, rest.scaled(1.0 / size))
+    slopes = critical_derivatives(linear, critical, directions, metric).values
+    for direction, slope in zip(directions, slopes, strict=True):
+        gradient = gradient.plus(metric.row(direction), float(slope) - gradient.dot(direction))
+    return gradient

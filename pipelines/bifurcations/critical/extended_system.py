@@ -1,0 +1,210 @@
+"""The fully extended systems of the paper (Eq. 20, 21) in real form, with the critical vectors as unknowns.
+
+At phase zero, with R = v or (Re w, Im w) of shape (N, m),
+
+    period doubling, fold     M v - sigma v = 0,             <v, v> = 1
+    Neimark-Sacker            M w - exp(i theta) w = 0,      <w, w> = 1,   Im <w_0, w> = 0
+
+Newton's step is du = d_r + beta t on the surface of cycles, as in the bordered corrector.  Eliminating the
+cycle leaves, for dR, dtheta and beta and with A(theta) the real form of the multiplier,
+
+    M dR - dR A - R A' dtheta + beta D(M R)[t] = -(M R - R A) - D(M R)[d_r]
+
+and dR = V Y + q with q A = Q (M q + x) for each right side x.  At theta = 0 and pi the system is singular.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipelines.bifurcations.critical.bordering import vectors_of
+from pipelines.bifurcations.critical.correction import (
+    Closing,
+    CriticalCycle,
+    CurveCorrection,
+    History,
+    following,
+)
+from pipelines.bifurcations.critical.critical_cycles import (
+    Critical,
+    CriticalPass,
+    Frame,
+    Vectors,
+    critical_pass,
+)
+from pipelines.bifurcations.critical.cycle_manifold import (
+    SurfaceLinearisation,
+    SurfaceStep,
+    Swept,
+    surface_step,
+    sweep,
+)
+from pipelines.bifurcations.critical.testfunctions import critical_of
+from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.plane import (
+    MapAt,
+    PlaneMetric,
+    map_slopes,
+)
+from pipelines.orbits.shooting import (
+    NewtonStop,
+)
+from pipelines.orbits.system import Matrix, Vector
+
+
+def correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -> CurveCorrection:
+    """Newton's method for position, critical vectors and angle together, from the bordered solution."""
+    history, kind = History(), at.problem.kind
+    opening = critical_pass(at, basis, vectors_of(frame, kind))
+    if opening is None:
+        return history.ended(NewtonStop.NON_FINITE)
+    critical = critical_of(opening, frame)
+    if critical is None:
+        return history.ended(NewtonStop.SINGULAR)
+    vectors, angle = _first_vectors(critical)
+    reference, passed = vectors, opening
+    for iteration in range(at.problem.options.iterations + 1):
+        if iteration == 0:
+            passed = _mapped(opening, vectors)
+        else:
+            following_pass = critical_pass(at, basis, Vectors(vectors), passed.linear)
+            if following_pass is None:
+                return history.ended(NewtonStop.NON_FINITE)
+            passed = following_pass
+        linear = passed.linear
+        defect = passed.defect + vectors @ (passed.matrix - _rotation(kind, angle)[0])
+        size = float(np.max(np.abs(defect)) / np.max(np.abs(vectors)))
+        history = history.and_then(max(linear.residual, closing.error(at.position)), size)
+        if history.converged(at.problem, 0.0):
+            critical = critical_of(passed, frame)
+            if critical is None:
+                return history.ended(NewtonStop.SINGULAR)
+            return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, closing.gradient))
+        if history.diverged:
+            return history.given_up(NewtonStop.DIVERGED, at)
+        if history.stuck(at.problem):
+            return history.given_up(NewtonStop.STUCK, at)
+        step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
+        if step is None:
+            return history.ended(NewtonStop.SINGULAR)
+        update = _extended_step(linear, vectors, angle, defect, reference, step, closing.metric)
+        if update is None:
+            return history.ended(NewtonStop.SINGULAR)
+        at = at.beside(step.correction.plus(step.across, update.beta), 1.0)
+        vectors, angle = vectors + update.vectors, angle + update.angle
+        basis = following(basis, linear.image.columns)
+    return history.given_up(NewtonStop.ITERATIONS, at)
+
+
+def _mapped(opening: CriticalPass, vectors: Matrix) -> CriticalPass:
+    """The opening pass with other critical vectors, for the price of their columns alone."""
+    mapped = opening.linear.at.tangent(vectors).columns
+    return replace(opening, vectors=Vectors(vectors), defect=mapped - vectors @ opening.matrix)
+
+
+def _first_vectors(critical: Critical) -> tuple[Matrix, float]:
+    """v, or (Re w, Im w) with its angle, of unit length, from the bordered solution."""
+    if critical.right.shape[1] == 1:
+        return critical.right / np.linalg.norm(critical.right), 0.0
+    multipliers, coefficients = np.linalg.eig(critical.matrix)
+    upper = int(np.argmax(multipliers.imag))
+    vector = critical.right @ coefficients[:, upper]
+    vector = vector / np.linalg.norm(vector)
+    angle = math.atan2(multipliers[upper].imag, multipliers[upper].real)
+    return np.column_stack([vector.real, vector.imag]), angle
+
+
+def _rotation(kind: EventKind, angle: float) -> tuple[Matrix, Matrix]:
+    """A and dA/dtheta with M R = R A on the curve."""
+    if kind is not EventKind.NEIMARK_SACKER:
+        sigma = -1.0 if kind is EventKind.PERIOD_DOUBLING else 1.0
+        return np.array([[sigma]]), np.zeros((1, 1))
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.array([[cosine, sine], [-sine, cosine]]), np.array([[-sine, cosine], [-cosine, -sine]])
+
+
+@dataclass(frozen=True)
+class _ExtendedStep:
+    vectors: Matrix
+    angle: float
+    beta: float
+
+
+def _extended_step(
+    linear: SurfaceLinearisation,
+    vectors: Matrix,
+    angle: float,
+    defect: Matrix,
+    reference: Matrix,
+    step: SurfaceStep,
+    metric: PlaneMetric,
+) -> _ExtendedStep | None:
+    """The Newton step of (R, theta, beta) drawn at the head of this module, R = V Y + q."""
+    at, basis, kind = linear.at, linear.basis, linear.at.problem.kind
+    count, columns = vectors.shape[1], basis.shape[1]
+    matrix, derivative = _rotation(kind, angle)
+    directions = (step.correction, step.across)
+    slopes, _ = map_slopes(at, vectors, None, directions, linear.scale, metric)
+    # sources of dR: the constant side, beta, theta
+    parts = [defect + slopes[:, :count], slopes[:, count:]]
+    if count == 2:
+        parts.append(-vectors @ derivative)
+    inverse = np.kron(np.eye(len(parts)), np.linalg.inv(matrix))
+    sources = np.hstack(parts)
+    swept = sweep(at, basis, sources, inverse, at.problem.options.picard_tolerance)
+    solution = _solve_slow(linear, matrix, sources, swept, _normalisations(vectors, reference))
+    if solution is None:
+        return None
+    size = count * columns
+    factors = [1.0, *solution[size:]]
+    slow = basis @ solution[:size].reshape(count, columns).T
+    swept_parts = np.hsplit(swept.columns, len(parts))
+    change = slow + sum(factor * part for factor, part in zip(factors, swept_parts, strict=True))
+    turn = float(solution[size + 1]) if count == 2 else 0.0
+    return _ExtendedStep(np.asarray(change), turn, float(solution[size]))
+
+
+def _normalisations(vectors: Matrix, reference: Matrix) -> list[tuple[Matrix, float]]:
+    """Rows and right sides of <R, dR> = (1 - <R, R>)/2 and Im <w_0, dw> = -Im <w_0, w>."""
+    rows = [(vectors, 0.5 * (1.0 - float(np.sum(vectors * vectors))))]
+    if vectors.shape[1] == 2:
+        # Im <w_0, w> = <w_0r, w_i> - <w_0i, w_r>
+        turned = np.column_stack([-reference[:, 1], reference[:, 0]])
+        rows.append((turned, -float(np.sum(turned * vectors))))
+    return rows
+
+
+def _solve_slow(
+    linear: SurfaceLinearisation,
+    matrix: Matrix,
+    sources: Matrix,
+    swept: Swept,
+    rows: list[tuple[Matrix, float]],
+) -> Vector | None:
+    """(H Y - Y A) + V'(x_0 + M q_0) + sum_i factor_i V'(x_i + M q_i) = 0 with the normalising rows.
+
+    Returns vec(Y), column by column, and the factors of the sources after the first.
+    """
+    basis, count = linear.basis, len(matrix)
+    columns = basis.shape[1]
+    size, blocks = count * columns, sources.shape[1] // count
+    projected = basis.T @ linear.image.columns
+    shares = [part.T.ravel() for part in np.hsplit(basis.T @ (sources + swept.image), blocks)]
+    swept_parts = np.hsplit(swept.columns, blocks)
+    system = np.zeros((size + len(rows), size + blocks - 1))
+    right = np.zeros(size + len(rows))
+    system[:size, :size] = np.kron(np.eye(count), projected) - np.kron(matrix.T, np.eye(columns))
+    system[:size, size:] = np.column_stack(shares[1:])
+    right[:size] = -shares[0]
+    for i, (row, value) in enumerate(rows):
+        system[size + i, :size] = (basis.T @ row).T.ravel()
+        system[size + i, size:] = [float(np.sum(row * part)) for part in swept_parts[1:]]
+        right[size + i] = value - float(np.sum(row * swept_parts[0]))
+    try:
+        solution = np.linalg.solve(system, right)
+    except np.linalg.LinAlgError:
+        return None
+    return np.asarray(solution) if np.all(np.isfinite(solution)) else None

@@ -1,0 +1,8 @@
+"""Pieces of a bifurcation curve.
+
+- first_point: the first point: frame, tangent, sense
+- segment: the end of a step, the piece before it, and special points on it
+- codimension_two: test functions of special points
+- fixed_parameter: a bifurcation point with one parameter held
+- stored_curves: whether a point lies on a curve that is known
+"""

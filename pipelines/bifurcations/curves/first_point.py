@@ -1,0 +1,224 @@
+"""The first point of a bifurcation curve: its frame, its tangent and its sense."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pipelines.bifurcations.continuation import period_scale
+from pipelines.bifurcations.critical.bordering import first_frame, vectors_of
+from pipelines.bifurcations.critical.correction import Closing, CriticalCycle
+from pipelines.bifurcations.critical.corrector import correct_critical
+from pipelines.bifurcations.critical.critical_cycles import (
+    Frame,
+    critical_derivatives,
+    critical_pass,
+)
+from pipelines.bifurcations.critical.cycle_manifold import (
+    surface_tangents,
+)
+from pipelines.bifurcations.critical.testfunctions import critical_of
+from pipelines.bifurcations.curve import (
+    CurveOptions,
+    CurvePoint,
+    CurveResult,
+    CurveStart,
+    CurveState,
+    CurveStop,
+)
+from pipelines.bifurcations.curves.codimension_two import resonant_end
+from pipelines.bifurcations.curves.segment import CurveEnd, curve_end
+from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.plane import (
+    CurveProblem,
+    MapAt,
+    PlaneMetric,
+    Position,
+    metric_of,
+)
+from pipelines.orbits.floquet import adapted_basis
+from pipelines.orbits.shooting import (
+    NewtonStop,
+    correct,
+    first_basis,
+    reference_of,
+)
+from pipelines.orbits.system import Matrix
+from pipelines.orbits.time_steps import StepDemand, demand_at, first_steps
+
+
+def open_curve(
+    problem: CurveProblem, start: CurveStart, options: CurveOptions
+) -> tuple[CurvePoint, CurveState] | CurveResult:
+    """Correct the guess at right angles to the curve and orient the curve."""
+    for name, value, interval in zip(problem.names, start.parameters, options.ranges, strict=True):
+        if not interval[0] <= value <= interval[1]:
+            raise ValueError(f"the start {name} = {value} lies outside the range {interval}")
+    guess = problem.consistent(
+        Position(np.array(start.state, dtype=float), start.period, np.array(start.parameters, dtype=float))
+    )
+    unknowns, cycles = problem.unknowns(guess), problem.cycle_problem(guess)
+    metric = metric_from(problem, options, guess)
+    steps = first_steps(cycles, unknowns)
+    if isinstance(steps, NewtonStop):
+        return CurveResult(CurveStop.START_FAILED, None, steps.advice)
+    opened = _open_with(problem, start, options, metric, guess, first_basis(cycles, unknowns, steps), steps)
+    if isinstance(opened, CurveEnd):
+        demand = demand_of(problem, opened, steps)
+        if demand.steps > steps:
+            steps, basis = demand.steps, opened.point.cycle.basis
+            opened = _open_with(problem, start, options, metric, opened.position, basis, steps)
+            if isinstance(opened, CurveEnd):
+                demand = demand_of(problem, opened, steps)
+    if isinstance(opened, str):
+        return CurveResult(CurveStop.START_FAILED, None, opened)
+    if resonant_end(problem.kind, opened.point.kappa) is not None:
+        opened = _facing_inwards(problem, opened, options, metric)
+    opened = replace(opened, point=replace(opened.point, step_error=demand.error))
+    at = opened.position
+    if problem.period_map.autonomous:
+        opened = _measured_by(opened, metric_from(problem, options, at))
+    state = CurveState(
+        index=0,
+        step=options.step,
+        arclength=0.0,
+        bend_state=np.zeros_like(at.state),
+        bend_period=0.0,
+        bend_parameters=np.zeros(2),
+        start_state=at.state,
+        start_period=at.period,
+        start_parameters=at.parameters,
+        **columns_of(problem, opened),
+    )
+    return opened.point, state
+
+
+def metric_from(problem: CurveProblem, options: CurveOptions, first: Position) -> PlaneMetric:
+    """The metric of a curve with this first point."""
+    period = period_scale(first.state, first.period, options.maximum_step)
+    return metric_of(problem, options.parameter_scales, period)
+
+
+def _measured_by(end: CurveEnd, metric: PlaneMetric) -> CurveEnd:
+    """The same point with tangents of unit length, at right angles, by the metric that the corrected point
+    sets.
+    """
+    tangent = metric.unit(end.tangent)
+    normal = end.normal.plus(tangent, -metric.inner(tangent, end.normal))
+    return replace(end, tangent=tangent, normal=metric.unit(normal))
+
+
+def _open_with(
+    problem: CurveProblem,
+    start: CurveStart,
+    options: CurveOptions,
+    metric: PlaneMetric,
+    guess: Position,
+    basis: Matrix,
+    steps: int,
+) -> CurveEnd | str:
+    """The first point with the given number of steps per period, or the reason why there is none."""
+    reference = reference_of(problem.cycle_problem(guess), problem.unknowns(guess), steps)
+    if problem.kind is not EventKind.FOLD:
+        # a guess that is no cycle yet: a cycle at the same parameters first
+        cycles = problem.cycle_problem(guess)
+        constraint = cycles.fixed_parameter(float(guess.parameters[0]))
+        correction = correct(cycles, problem.unknowns(guess), constraint, basis, steps, reference)
+        if correction.cycle is not None:
+            cycle = correction.cycle
+            basis = cycle.basis
+            guess = Position(cycle.unknowns.state, cycle.unknowns.period, guess.parameters)
+    closing_frame = _first_closing(MapAt(problem, guess, steps, reference), basis, start, options, metric)
+    if isinstance(closing_frame, str):
+        return closing_frame
+    closing, frame, along = closing_frame
+    corrected = correct_critical(problem, guess, closing, basis, frame, steps, reference)
+    if corrected.point is None:
+        return corrected.advice
+    end = curve_end(corrected, corrected.point, closing, along, options.normal_form, frame)
+    return "the tangent of the first point is singular" if end is None else end
+
+
+def _facing_inwards(
+    problem: CurveProblem, end: CurveEnd, options: CurveOptions, metric: PlaneMetric
+) -> CurveEnd:
+    """The first point on R1 or R2 with the tangent towards abs(kappa) < 1, where its pair is complex.
+
+    The slope of kappa is a difference of large numbers there, so a trial step decides; without one the slope.
+    The trial is short, because another curve may leave another resonance nearby.
+    """
+    row = metric.row(end.tangent)
+    guess = end.position.plus(end.tangent, math.sqrt(options.step * options.minimum_step))
+    closing = Closing(row, row.dot(guess), metric.row(end.normal), end.gradient, metric)
+    cycle = end.point.cycle
+    reference = reference_of(problem.cycle_problem(end.position), problem.unknowns(end.position), cycle.steps)
+    found = correct_critical(problem, guess, closing, cycle.basis, end.frame, cycle.steps, reference).point
+    inwards = end.kappa_slope * end.point.kappa < 0.0 if found is None else abs(found.critical.kappa) < 1.0
+    if inwards:
+        return end
+    return replace(end, tangent=end.tangent.scaled(-1.0), kappa_slope=-end.kappa_slope)
+
+
+def _first_closing(
+    at: MapAt, basis: Matrix, start: CurveStart, options: CurveOptions, metric: PlaneMetric
+) -> tuple[Closing, Frame, Position] | str:
+    """The plane across the curve at the guess, the frame there and the tangent in the wanted sense."""
+    frame = first_frame(at, basis, start.angle)
+    passed = None if frame is None else critical_pass(at, basis, vectors_of(frame, at.problem.kind))
+    critical = None if frame is None or passed is None else critical_of(passed, frame)
+    if frame is None or passed is None or critical is None:
+        return "the orbit of the guess leaves the domain of the equations or has no critical multipliers"
+    linear = passed.linear
+    first, second = surface_tangents(linear, metric)
+    derivatives = critical_derivatives(linear, critical, (first, second), metric)
+    g1, g2 = derivatives.values
+    size = float(np.hypot(g1, g2))
+    if not size > 0.0:
+        return "the test function is stationary at the guess"
+    # dg vanishes along the curve
+    across = first.scaled(g1 / size).plus(second, g2 / size)
+    along = first.scaled(-g2 / size).plus(second, g1 / size)
+    upwards = -1.0 if along.parameters[0] < 0.0 else 1.0
+    along = along.scaled(upwards * options.direction)
+    row, beside = metric.row(along), metric.row(across)
+    return Closing(row, row.dot(at.position), beside, beside.scaled(size), metric), frame, along
+
+
+def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
+    """The fields of CurveState that a corrected point determines."""
+    columns: dict[str, Any] = {}
+    for name, value in (("tangent", end.tangent), ("normal", end.normal), ("gradient", end.gradient)):
+        columns[f"{name}_state"] = value.state
+        columns[f"{name}_period"] = value.period
+        columns[f"{name}_parameters"] = value.parameters
+    cycle = end.point.cycle
+    return columns | {
+        "state": end.position.state,
+        "period": end.position.period,
+        "parameters": end.position.parameters,
+        "right": end.frame.right,
+        "left": end.frame.left,
+        "right_period": end.frame.right_period,
+        "left_phase": end.frame.left_phase,
+        "kappa": end.frame.kappa,
+        "kappa_slope": end.kappa_slope,
+        "tests": end.tests,
+        "steps": cycle.steps,
+        "step_error": end.point.step_error,
+        "basis": adapted_basis(cycle.basis, cycle.image.columns, problem.options.basis),
+    }
+
+
+def demand_of(problem: CurveProblem, found: CriticalCycle | CurveEnd, steps: int) -> StepDemand:
+    """Steps per period that a point corrected with ``steps`` asks for, and what those leave."""
+    if isinstance(found, CriticalCycle):
+        basis, image = found.linear.basis, found.linear.image
+    else:
+        basis, image = found.point.cycle.basis, found.point.cycle.image
+    at, parameters = found.position, problem.parameters_at(found.position)
+    return demand_at(
+        problem.period_map, problem.options, at.state, parameters, at.period, steps, basis, image
+    )

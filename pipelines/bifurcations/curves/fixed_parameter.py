@@ -1,0 +1,139 @@
+"""A bifurcation point with one of two parameters held: the other one where a cycle is critical.
+
+On the surface of cycles of ``pipelines.bifurcations.critical.cycle_manifold`` with its orthonormal tangents
+t_1, t_2 the line of the held parameter runs along t, and the test function g changes there by dg t:
+
+    t = (t_2)_held t_1 - (t_1)_held t_2,      row . u = value of the held parameter
+
+That line may be vertical in the free parameter, so that a fold is corrected like every other point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipelines.bifurcations.continuation import STEP_GROWTH
+from pipelines.bifurcations.critical.bordering import first_frame, vectors_of
+from pipelines.bifurcations.critical.correction import Closing, CriticalCycle
+from pipelines.bifurcations.critical.corrector import correct_critical
+from pipelines.bifurcations.critical.critical_cycles import Frame, critical_derivatives, critical_pass
+from pipelines.bifurcations.critical.cycle_manifold import surface_tangents
+from pipelines.bifurcations.critical.testfunctions import critical_of
+from pipelines.bifurcations.curve import CurveStart
+from pipelines.bifurcations.curves.first_point import demand_of
+from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.plane import CurveProblem, MapAt, PlaneMetric, Position
+from pipelines.orbits.shooting import NewtonStop, correct, first_basis, reference_of
+from pipelines.orbits.system import Matrix
+from pipelines.orbits.time_steps import first_steps
+
+
+@dataclass(frozen=True)
+class PinnedPoint:
+    """A bifurcation point: both parameters (2,), ``state`` (N,), period, critical angle in [0, pi] and the
+    time steps per period.
+    """
+
+    parameters: tuple[float, float]
+    state: np.typing.NDArray[np.float64]
+    period: float
+    angle: float
+    steps: int
+
+
+@dataclass(frozen=True)
+class NotPinned:
+    """Why the corrector found no bifurcation point, with what to change."""
+
+    advice: str
+
+
+def pinned_point(
+    problem: CurveProblem, start: CurveStart, held: int, metric: PlaneMetric, steps: int | None = None
+) -> PinnedPoint | NotPinned:
+    """The bifurcation point near ``start`` whose parameter ``problem.names[held]`` is that of the start.
+
+    ``steps``: per period; chosen by the problem's step tolerance when None.  Every failure is a result.
+    """
+    guess = problem.consistent(Position(np.array(start.state), start.period, np.array(start.parameters)))
+    try:
+        return _pinned(problem, guess, held, metric, start.angle, steps)
+    except np.linalg.LinAlgError:
+        return NotPinned("a matrix of the corrector is singular")
+
+
+def _pinned(
+    problem: CurveProblem,
+    guess: Position,
+    held: int,
+    metric: PlaneMetric,
+    angle: float | None,
+    steps: int | None,
+) -> PinnedPoint | NotPinned:
+    cycles, unknowns = problem.cycle_problem(guess), problem.unknowns(guess)
+    chosen = steps is None
+    if steps is None:
+        first = first_steps(cycles, unknowns)
+        if isinstance(first, NewtonStop):
+            return NotPinned(first.advice)
+        steps = first
+    found = _corrected(problem, guess, held, metric, first_basis(cycles, unknowns, steps), angle, steps)
+    for _ in range(2):
+        if isinstance(found, NotPinned) or not chosen:
+            break
+        needed = demand_of(problem, found, steps).steps
+        if needed <= steps:
+            break
+        steps = problem.period_map.rounded_steps(STEP_GROWTH * needed)
+        found = _corrected(problem, found.position, held, metric, found.basis, angle, steps)
+    if isinstance(found, NotPinned):
+        return found
+    at, kappa = found.position, min(1.0, max(-1.0, found.critical.kappa))
+    held_at, free_at = (float(value) for value in at.parameters)
+    return PinnedPoint((held_at, free_at), at.state, at.period, float(np.arccos(kappa)), steps)
+
+
+def _corrected(
+    problem: CurveProblem,
+    guess: Position,
+    held: int,
+    metric: PlaneMetric,
+    basis: Matrix,
+    angle: float | None,
+    steps: int,
+) -> CriticalCycle | NotPinned:
+    """The critical cycle with a given number of steps: a cycle first, then its criticality as well."""
+    cycles, unknowns = problem.cycle_problem(guess), problem.unknowns(guess)
+    reference = reference_of(cycles, unknowns, steps)
+    if problem.kind is not EventKind.FOLD:  # at a fold no cycle need exist with both parameters held
+        constraint = cycles.fixed_parameter(unknowns.parameter)
+        corrected = correct(cycles, unknowns, constraint, basis, steps, reference)
+        if corrected.cycle is None:
+            return NotPinned(corrected.advice)
+        at = corrected.cycle.unknowns
+        basis, guess = corrected.cycle.basis, replace(guess, state=at.state, period=at.period)
+    here = MapAt(problem, guess, steps, reference)
+    frame = first_frame(here, basis, angle)
+    closing = None if frame is None else _closing(here, basis, frame, held, metric)
+    if frame is None or closing is None:
+        return NotPinned("the guess has no critical multipliers, or they do not move with the free parameter")
+    found = correct_critical(problem, guess, closing, basis, frame, steps, reference)
+    return NotPinned(found.advice) if found.point is None else found.point
+
+
+def _closing(at: MapAt, basis: Matrix, frame: Frame, held: int, metric: PlaneMetric) -> Closing | None:
+    """The row that holds the parameter, the direction that is left and the slopes of the test function."""
+    passed = critical_pass(at, basis, vectors_of(frame, at.problem.kind))
+    critical = None if passed is None else critical_of(passed, frame)
+    if passed is None or critical is None:
+        return None
+    first, second = surface_tangents(passed.linear, metric)
+    slopes = critical_derivatives(passed.linear, critical, (first, second), metric).values
+    along = first.scaled(second.parameters[held]).plus(second, -first.parameters[held])
+    if metric.norm(along) == 0.0 or float(np.hypot(*slopes)) == 0.0:
+        return None
+    gradient = metric.row(first).scaled(float(slopes[0])).plus(metric.row(second), float(slopes[1]))
+    row = at.problem.row_of_parameter(held)
+    return Closing(row, row.dot(at.position), metric.row(along), gradient, metric)

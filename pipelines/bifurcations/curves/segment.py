@@ -1,0 +1,439 @@
+"""The end of a step along a bifurcation curve, the piece of curve before it, and the special points on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from pipelines.bifurcations.continuation import hermite_weights
+from pipelines.bifurcations.critical.bordering import following_frame
+from pipelines.bifurcations.critical.correction import Closing, CriticalCycle, CurveCorrection
+from pipelines.bifurcations.critical.corrector import correct_critical, settled
+from pipelines.bifurcations.critical.critical_cycles import (
+    Critical,
+    Frame,
+    critical_derivatives,
+    with_sharp_left,
+)
+from pipelines.bifurcations.critical.cycle_manifold import surface_step
+from pipelines.bifurcations.curve import CurvePoint, SpecialKind, SpecialPoint
+from pipelines.bifurcations.curves.codimension_two import (
+    genuine,
+    other_multipliers,
+    resonance_tests,
+    special_tests,
+)
+from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
+from pipelines.bifurcations.normal_forms.smoothed import stored_form
+from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
+from pipelines.orbits.floquet import floquet_spectrum
+from pipelines.orbits.period_map import PhaseReference
+from pipelines.orbits.shooting import Cycle
+from pipelines.orbits.system import Matrix, Vector
+
+_RECORDED = 1e-7  # residual asked of the multipliers of an ordinary point
+_RECORDED_LEFT, _SHARP_LEFT = 1e-6, 1e-10  # last term of the series for left vectors, likewise
+_END_WIDTH = 1e-10  # of arclength: kappa changes by far less than what counts as its end
+_DIP = 0.5  # share of the nearer end below which a minimum of 1 -+ kappa inside a segment is looked at
+
+
+@dataclass(frozen=True)
+class CurveEnd:
+    """A corrected point with all that the next step needs.
+
+    ``tangent`` and ``normal``: orthonormal tangents of the surface of cycles, along and across the curve;
+    ``gradient``: row of the test function, exact on both; ``tests`` (11,) in the order of ``SpecialKind``;
+    ``kappa_slope``: d kappa/d arclength.
+    """
+
+    point: CurvePoint
+    position: Position
+    tangent: Position
+    normal: Position
+    gradient: Position
+    frame: Frame
+    tests: Vector
+    kappa_slope: float
+
+
+def curve_end(
+    correction: CurveCorrection,
+    found: CriticalCycle,
+    closing: Closing,
+    sense: Position,
+    options: NormalFormOptions | None,
+    frame: Frame,
+    precise: bool = False,
+) -> CurveEnd | None:
+    """Tangents, spectrum, tests and normal form at a corrected point; None when its tangent is singular.
+
+    ``sense``: a direction that the tangent must not oppose; ``frame``: the one it was corrected with;
+    ``precise``: multipliers and left vectors as sharp as the options ask, to locate special points.  With
+    slopes g_1, g_2 of the test function along the tangents t_1, t_2 of the surface, the curve runs along
+    g_2 t_1 - g_1 t_2.
+    """
+    sharp = found.linear.at.problem.options.multiplier_tolerance
+    found = settled(found, frame, sharp if precise else max(sharp, _RECORDED))
+    left = _SHARP_LEFT if precise else _RECORDED_LEFT
+    if precise or options is not None:
+        found = replace(found, critical=with_sharp_left(found.linear, found.critical, left))
+    linear, critical = found.linear, found.critical
+    slopes = _surface_slopes(found, closing)
+    if slopes is None:
+        return None
+    (first, second), (g1, g2), (trace1, trace2) = slopes
+    size = float(np.hypot(g1, g2))
+    if not (size > 0.0 and np.isfinite(size)):
+        return None
+    metric = closing.metric
+    tangent = first.scaled(g2 / size).plus(second, -g1 / size)
+    turned = -1.0 if metric.inner(tangent, sense) < 0.0 else 1.0
+    tangent = tangent.scaled(turned)
+    normal = first.scaled(g1 / size).plus(second, g2 / size)
+    gradient = found.gradient.plus(metric.row(tangent), -found.gradient.dot(tangent))
+    gradient = gradient.plus(metric.row(normal), size - gradient.dot(normal))
+    frame = following_frame(linear.basis, critical)
+    form: NormalForm | None = None
+    if options is not None:
+        plane = metric.row(tangent)
+        across = Closing(plane, plane.dot(found.position), metric.row(normal), gradient, metric)
+        form = stored_form(found, frame, across, options)
+    point = _point(correction, found, form)
+    tests = special_tests(
+        linear.at.problem.kind,
+        point.cycle.spectrum.multipliers,
+        critical,
+        point.normal_form,
+        _fold_curvature(found, metric),
+        linear.scale,
+        linear.at.problem.period_map.autonomous,
+    )
+    return CurveEnd(
+        point,
+        found.position,
+        tangent,
+        normal,
+        gradient,
+        frame,
+        tests,
+        kappa_slope=0.5 * turned * (g2 * trace1 - g1 * trace2) / size,
+    )
+
+
+Pair = tuple[float, float]
+
+
+def _surface_slopes(
+    found: CriticalCycle, closing: Closing
+) -> tuple[tuple[Position, Position], Pair, Pair] | None:
+    """Orthonormal tangents of the surface of cycles with the derivatives of g and of tr A along them."""
+    linear, metric = found.linear, closing.metric
+    step = surface_step(linear, (closing.row, closing.across), (0.0, 0.0))
+    if step is None:
+        return None
+    first = metric.unit(step.along)
+    second = metric.unit(step.across.plus(first, -metric.inner(first, step.across)))
+    derivatives = critical_derivatives(linear, found.critical, (first, second), metric)
+    values, traces = derivatives.values, derivatives.traces
+    return (first, second), (float(values[0]), float(values[1])), (float(traces[0]), float(traces[1]))
+
+
+def _fold_curvature(found: CriticalCycle, metric: PlaneMetric) -> float:
+    """p.B(q, q) for p and q of unit length: zero at a cusp; not needed on other curves."""
+    linear, critical = found.linear, found.critical
+    if linear.at.problem.kind is not EventKind.FOLD:
+        return 0.0
+    period = (critical.right_period or 0.0) * linear.period_unit
+    along = Position(critical.right[:, 0], period, np.zeros(2))
+    slope = critical_derivatives(linear, critical, (along,), metric).values[0]
+    return -float(slope) / _lengths(critical)
+
+
+def _lengths(critical: Critical) -> float:
+    """Scale of z'D2 phi(y, y) that makes it independent of the bordering: abs(z) abs(y)^2."""
+    return float(np.linalg.norm(critical.left) * np.linalg.norm(critical.right) ** 2)
+
+
+def _point(correction: CurveCorrection, found: CriticalCycle, form: NormalForm | None) -> CurvePoint:
+    linear, critical = found.linear, found.critical
+    problem = linear.at.problem
+    cycle = Cycle(
+        problem.unknowns(found.position),
+        problem.parameters_at(found.position),
+        found.basis,
+        linear.image,
+        floquet_spectrum(found.basis, linear.image.columns),
+        correction.residual_norms[-1],
+        found.steps,
+    )
+    return CurvePoint(
+        problem.kind,
+        cycle,
+        found.position.parameters,
+        critical.kappa,
+        critical.alignment,
+        critical.right,
+        form,
+        correction.residual_norms,
+        correction.test_values,
+    )
+
+
+class _NotConvergedError(Exception):
+    """A point inside the bracket did not converge."""
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A corrected point at a ``fraction`` of a segment, with what its neighbours are corrected with."""
+
+    fraction: float
+    position: Position
+    basis: Matrix
+    frame: Frame
+    gradient: Position
+
+
+@dataclass(frozen=True)
+class CurveSegment:
+    """The curve between two corrected points with their unit tangents, both discretised with ``steps``.
+
+    ``basis``, ``frame``, ``across``, ``gradient``, ``reference``: what the points between them are corrected
+    with.  A fraction in [0, 1] names the point in the plane <chord, u - u_0> = fraction <chord, chord>.
+    """
+
+    problem: CurveProblem
+    metric: PlaneMetric
+    start: Position
+    start_tangent: Position
+    end: CurveEnd
+    basis: Matrix
+    frame: Frame
+    across: Position
+    gradient: Position
+    steps: int
+    reference: PhaseReference | None
+
+    @property
+    def chord(self) -> Position:
+        return self.end.position.minus(self.start)
+
+    @property
+    def length(self) -> float:
+        return self.metric.norm(self.chord)
+
+    def guess(self, fraction: float) -> Position:
+        """Cubic Hermite interpolation of the curve."""
+        start, start_tangent, end, end_tangent = hermite_weights(fraction, self.length)
+        return (
+            self.start.scaled(start)
+            .plus(self.start_tangent, start_tangent)
+            .plus(self.end.position, end)
+            .plus(self.end.tangent, end_tangent)
+        )
+
+    @property
+    def anchors(self) -> tuple[Anchor, Anchor]:
+        """Both ends."""
+        end = self.end
+        return (
+            Anchor(0.0, self.start, self.basis, self.frame, self.gradient),
+            Anchor(1.0, end.position, end.point.cycle.basis, end.frame, end.gradient),
+        )
+
+    def closing_at(self, fraction: float, anchor: Anchor) -> Closing:
+        """The plane of a fraction."""
+        row = self.metric.row(self.chord)
+        value = row.dot(self.start) + fraction * row.dot(self.chord)
+        return Closing(row, value, self.across, anchor.gradient, self.metric)
+
+    def correct_at(self, fraction: float, anchor: Anchor) -> CurveCorrection:
+        """The point at a fraction of the segment; the cubic is as wrong there as it is at the anchor."""
+        wrong = anchor.position.minus(self.guess(anchor.fraction))
+        guess = self.guess(fraction).plus(wrong)
+        return self.correct_on(guess, self.closing_at(fraction, anchor), anchor)
+
+    def missed_at(self, fraction: float) -> float | None:
+        """Distance of the point at a fraction from the cubic; None when it does not converge."""
+        point = self.correct_at(fraction, self.anchors[0]).point
+        return None if point is None else self.metric.norm(point.position.minus(self.guess(fraction)))
+
+    def correct_on(self, guess: Position, closing: Closing, anchor: Anchor) -> CurveCorrection:
+        """The point near ``guess`` on another closing row."""
+        return correct_critical(
+            self.problem, guess, closing, anchor.basis, anchor.frame, self.steps, self.reference
+        )
+
+
+class SegmentPoints:
+    """Points of a segment, each corrected once, from its nearest neighbour."""
+
+    def __init__(self, segment: CurveSegment) -> None:
+        self.segment = segment
+        self._anchors = list(segment.anchors)
+        self._corrected: dict[float, tuple[CurveCorrection, CriticalCycle, Anchor]] = {}
+        self._ends: dict[tuple[float, bool, bool], CurveEnd] = {}
+
+    def critical(self, fraction: float) -> Critical:
+        """The criticality at a fraction; raises when the corrector does not converge."""
+        return self._at(fraction)[1].critical
+
+    def end(self, fraction: float, options: NormalFormOptions | None, precise: bool) -> CurveEnd:
+        """The point at a fraction with its tests; raises when it does not converge."""
+        key = fraction, options is not None, precise
+        if key not in self._ends:
+            correction, point, anchor = self._at(fraction)
+            closing, chord = self.segment.closing_at(fraction, anchor), self.segment.chord
+            end = curve_end(correction, point, closing, chord, options, anchor.frame, precise)
+            if end is None:
+                raise _NotConvergedError
+            self._ends[key] = end
+        return self._ends[key]
+
+    def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
+        if fraction not in self._corrected:
+            anchor = min(self._anchors, key=lambda known: abs(known.fraction - fraction))
+            correction = self.segment.correct_at(fraction, anchor)
+            point = correction.point
+            if point is None:
+                raise _NotConvergedError
+            self._corrected[fraction] = correction, point, anchor
+            frame = following_frame(point.basis, point.critical)
+            self._anchors.append(Anchor(fraction, point.position, point.basis, frame, point.gradient))
+        return self._corrected[fraction]
+
+
+@dataclass(frozen=True)
+class Bracket:
+    """Two fractions of a segment between which a test changes sign.
+
+    ``touching``: at the second one the test is at its minimum -b, and sqrt(test + b) linear in the fraction.
+    """
+
+    special: SpecialKind
+    fractions: tuple[float, float]
+    tests: tuple[float, float]
+    touching: bool = False
+
+
+def locate_special(
+    points: SegmentPoints, bracket: Bracket, width: float, options: NormalFormOptions | None
+) -> tuple[SpecialPoint | None, CurveEnd] | None:
+    """The zero of one test function inside a bracket, to ``width`` of arclength; R1 and R2 of a
+    Neimark-Sacker curve more sharply, because it ends there.
+
+    Returns the point, or None in its place when it turns out to be a neutral saddle or the noise of a
+    coefficient, and the corrected end there; None when a point between did not converge.  Every evaluation
+    is a corrected point, so that the root is as sharp as the corrector.
+    """
+    segment, special = points.segment, bracket.special
+    # kappa comes from the critical pair itself, which is sharp on every corrected point
+    from_pair = segment.problem.kind is EventKind.NEIMARK_SACKER and special <= SpecialKind.R4
+    with_form = options if special in (SpecialKind.GENERALISED_FLIP, SpecialKind.CHENCINER) else None
+    known = dict(zip(bracket.fractions, bracket.tests, strict=True))
+
+    def test(fraction: float) -> float:
+        value = known.get(fraction)
+        if value is None and from_pair:
+            value = resonance_tests(points.critical(fraction).kappa)[special]
+        elif value is None:
+            value = float(points.end(fraction, with_form, True).tests[special - 1])
+        if not np.isfinite(value):
+            raise _NotConvergedError
+        if bracket.touching:
+            lowest = -bracket.tests[1]
+            return float(np.sqrt(max(0.0, value + lowest)) - np.sqrt(lowest))
+        return value
+
+    try:
+        tolerance = 4.0 * np.finfo(float).eps
+        if from_pair and special <= SpecialKind.R2:
+            width = min(width, _END_WIDTH)
+        width = max(width / segment.length, 1e-14)
+        fraction = float(brentq(test, *bracket.fractions, xtol=width, rtol=tolerance))
+        end = segment.end if fraction == 1.0 else points.end(fraction, with_form, not from_pair)
+    except _NotConvergedError:
+        return None
+    scale = segment.problem.period_map.scale(end.point.cycle.image.orbit)
+    if with_form is not None and _drowned(end, scale, abs(bracket.tests[1] - bracket.tests[0])):
+        return None, end
+    return _special_point(segment, special, end, fraction), end
+
+
+def _drowned(end: CurveEnd, scale: float, change: float) -> bool:
+    """Whether the zero of a normal-form coefficient is no more than the error of its differences: a map that
+    is only piecewise smooth has coefficients that jump.
+    """
+    form = end.point.normal_form
+    return form is None or scale**2 * form.noise * abs(end.point.alignment) > 0.5 * change
+
+
+def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, float]) -> Bracket | None:
+    """Where kappa is beyond 1 (R1) or -1 (R2) although it is not at either end of a Neimark-Sacker segment.
+
+    ``start``: kappa and its slope at the start.  The cubic through both ends tells whether it is worth
+    looking; then the zero of the slope is found.  None when kappa turns back before, when a point fails, and
+    when kappa is no farther beyond than the corrector and the time steps leave it wrong: with an error e of
+    the multipliers
+
+        mu_1 - mu_2 = 2 sqrt(kappa^2 - 1) > e      or nearly      |kappa| - 1 > e^2/8
+    """
+    segment, sign = points.segment, 1.0 if special is SpecialKind.R1 else -1.0
+    before = 1.0 - sign * start[0]
+    if not _may_dip(segment, sign, before, start[1]):
+        return None
+    known = {0.0: start[1], 1.0: segment.end.kappa_slope}
+
+    def slope(fraction: float) -> float:
+        value = known[fraction] if fraction in known else points.end(fraction, None, False).kappa_slope
+        if not np.isfinite(value):
+            raise _NotConvergedError
+        return value
+
+    try:
+        lowest = float(brentq(slope, 0.0, 1.0, xtol=1e-6))
+        beyond = sign * points.critical(lowest).kappa - 1.0
+    except _NotConvergedError:
+        return None
+    options = segment.problem.options
+    error = float(np.fmax(options.step_tolerance, segment.end.point.step_error))
+    if beyond <= max(error**2 / 8.0, options.multiplier_tolerance):
+        return None
+    return Bracket(special, (0.0, lowest), (before, -beyond), touching=True)
+
+
+def _may_dip(segment: CurveSegment, sign: float, before: float, start_slope: float) -> bool:
+    """Whether the cubic of 1 -+ kappa through both ends of a segment comes down far enough between them."""
+    end = segment.end
+    after = 1.0 - sign * end.point.kappa
+    falling, rising = -sign * start_slope, -sign * end.kappa_slope
+    if not (before > 0.0 and after > 0.0 and falling < 0.0 < rising):
+        return False
+    weights = [hermite_weights(fraction, segment.length) for fraction in np.linspace(0.0, 1.0, 101)]
+    lowest = np.min(np.array(weights) @ [before, falling, after, rising])
+    return bool(lowest <= _DIP * min(before, after))
+
+
+def _special_point(
+    segment: CurveSegment, special: SpecialKind, end: CurveEnd, fraction: float
+) -> SpecialPoint | None:
+    problem, cycle = segment.problem, end.point.cycle
+    others = other_multipliers(
+        problem.kind, cycle.spectrum.multipliers, end.point.kappa, problem.period_map.autonomous
+    )
+    if not genuine(special, problem.kind, others, end.point.kappa):
+        return None
+    return SpecialPoint(
+        special,
+        cycle.parameters,
+        cycle.unknowns.state,
+        cycle.unknowns.period,
+        cycle.spectrum.multipliers,
+        end.point.kappa,
+        float(end.tests[special - 1]),
+        fraction,
+        cycle.steps,
+    )

@@ -1,0 +1,84 @@
+"""Two bifurcations within one step of a branch: a test function that returns to its sign before the end.
+
+The products over the slow multipliers
+
+    prod (1 - mu_i),    prod (1 + mu_i),    prod_{i<j} (1 - mu_i mu_j)
+
+are smooth along a branch, also where multipliers meet.  The parabola through their values at the last three
+points tells where one of them may dip through zero; the cycle there decides.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.bifurcations.cycles.segment import Segment
+from pipelines.orbits.floquet import Complex, nontrivial
+from pipelines.orbits.system import Vector
+
+_NEAR = 0.5  # share of the nearer end below which the lowest point of the parabola is looked at
+_SLIGHT = 0.05  # share of the step from an end within which a dip is hardly deeper than the end
+
+
+def dips_inside(segment: Segment, previous_multipliers: Complex, previous_length: float) -> bool:
+    """Whether a test function changes its sign twice on a segment whose ends have the same sign.
+
+    ``previous_multipliers``: at the point before the start of the segment, ``previous_length`` away; without
+    any (empty) nothing is known.
+    """
+    if len(previous_multipliers) == 0 or not previous_length > 0.0:
+        return False
+    autonomous = segment.problem.period_map.autonomous
+    spectra = (previous_multipliers, segment.start_multipliers, segment.end.spectrum.multipliers)
+    tests = [_products(multipliers, autonomous) for multipliers in spectra]
+    for which in range(len(tests[0][0])):
+        values = _on_one_scale([(signs[which], logs[which]) for signs, logs in tests])
+        fraction = _lowest(values, previous_length, segment.length)
+        if fraction is None:
+            continue
+        cycle = segment.correct_at(fraction).cycle
+        if cycle is None:
+            return True
+        sign = _products(cycle.spectrum.multipliers, autonomous)[0][which]
+        if sign * values[2] < 0.0:
+            return True
+    return False
+
+
+def _lowest(values: Vector, before: float, length: float) -> float | None:
+    """The fraction of a step where the parabola through three values, at -before, 0 and length, comes nearest
+    to zero, if that is inside the step and near.
+    """
+    last, start, end = (float(value) for value in values)
+    if start * end <= 0.0:
+        return None
+    slope, steeper = (end - start) / length, (start - last) / before
+    bend = (slope - steeper) / (length + before)
+    if bend * start <= 0.0:
+        return None
+    place = 0.5 * (length - slope / bend)
+    lowest = start + (slope - bend * length) * place + bend * place**2
+    inside = _SLIGHT * length < place < (1.0 - _SLIGHT) * length
+    if not inside or lowest * start > _NEAR * start * min(start, end, key=abs):
+        return None
+    return place / length
+
+
+def _on_one_scale(pairs: list[tuple[float, float]]) -> Vector:
+    largest = max(log for _, log in pairs)
+    if not math.isfinite(largest):
+        return np.zeros(len(pairs))
+    return np.array([sign * math.exp(log - largest) for sign, log in pairs])
+
+
+def _products(multipliers: Complex, autonomous: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Signs and logarithms of the three products, which leave the range of doubles by themselves."""
+    mu = nontrivial(multipliers, autonomous)
+    first, second = np.triu_indices(len(mu), k=1)
+    factors = (1.0 - mu, 1.0 + mu, 1.0 - mu[first] * mu[second])
+    moduli = [np.maximum(np.abs(product), np.finfo(float).tiny) for product in factors]
+    signs = [np.sign(np.prod(product / size).real) for product, size in zip(factors, moduli, strict=True)]
+    return np.array(signs), np.array([np.sum(np.log(size)) for size in moduli])

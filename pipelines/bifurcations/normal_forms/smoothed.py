@@ -1,0 +1,73 @@
+"""Normal forms of maps that are only piecewise smooth, from regularised maps beside them.
+
+A piecewise smooth force has third derivatives with singularities at the moments where a piece begins or
+ends.  The flow may still be smooth, but time steps miss what happens between them, so that differences of the
+discrete map tend to a wrong coefficient however many steps are taken.  A force regularised over a width that
+the steps resolve has none of this, and where every piece begins and ends with a rate its coefficient tends to
+that of the flow as the width falls.  Events without a rate make it depend on widths above their depth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipelines.bifurcations.critical.correction import Closing, CriticalCycle
+from pipelines.bifurcations.critical.corrector import correct_critical, settled
+from pipelines.bifurcations.critical.critical_cycles import Frame, with_sharp_left
+from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions, normal_form
+from pipelines.orbits.period_map import PeriodMap
+
+_CYCLE = 1e-8  # residual asked of the critical cycle of a smooth map, whose coefficient is wanted to 1e-4
+_MULTIPLIER = 1e-6  # of its test function and multipliers, likewise
+_LEFT = 1e-6  # last term of the series for its left vectors
+
+
+def stored_form(
+    found: CriticalCycle, frame: Frame, closing: Closing, options: NormalFormOptions
+) -> NormalForm | None:
+    """The normal form at a corrected point of a curve: of the first smooth map, if the problem has any.
+
+    Each smooth map is given its own critical cycle, corrected from ``found`` with ``frame`` in the plane of
+    ``closing``.  The error is that of the differences plus the largest distance of the other smooth maps.
+    None when one of the cycles is not found, or as in ``normal_form``.
+    """
+    problem = found.linear.at.problem
+    if not problem.smooth_maps:
+        return normal_form(found.linear, found.critical, options)
+    forms = []
+    for smooth in problem.smooth_maps:
+        form = _smooth_form(smooth, found, frame, closing, options)
+        if form is None:
+            return None
+        forms.append(form)
+    apart = [form.coefficient - forms[0].coefficient for form in forms]
+    return replace(
+        forms[0],
+        error=forms[0].noise + max(abs(distance) for distance in apart),
+        real_error=forms[0].noise + max(abs(distance.real) for distance in apart),
+    )
+
+
+def _smooth_form(
+    smooth: PeriodMap, found: CriticalCycle, frame: Frame, closing: Closing, options: NormalFormOptions
+) -> NormalForm | None:
+    at = found.linear.at
+    tolerances = replace(
+        at.problem.options,
+        tolerance=max(_CYCLE, at.problem.options.tolerance),
+        multiplier_tolerance=max(_MULTIPLIER, at.problem.options.multiplier_tolerance),
+    )
+    problem = replace(at.problem, period_map=smooth, smooth_maps=(), options=tolerances)
+    try:
+        point = correct_critical(
+            problem, found.position, closing, found.basis, frame, found.steps, at.reference
+        ).point
+        if point is None:
+            return None
+        point = settled(point, frame, tolerances.multiplier_tolerance)
+        critical = with_sharp_left(point.linear, point.critical, _LEFT)
+    except np.linalg.LinAlgError:
+        return None
+    return normal_form(point.linear, critical, options)

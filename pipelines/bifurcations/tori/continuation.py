@@ -1,0 +1,345 @@
+"""Pseudo-arclength continuation of tori: predict, correct, test, store, adapt.
+
+In the space u = (X, rho, lambda) a curve follows u_0 with unit tangent t at distance h when
+
+    S(-rho) P(X) - X = 0,    phase(X) = 0 (rho unknown),    <t, u - u_0> = h
+
+The number of angles follows the Fourier series from point to point.  Tori with unknown rotation form a smooth
+family only between their resonances: near a rotation of p/q turns with small q the torus locks, its Fourier
+series does not fall, and the branch ends there unless a step leads across.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipelines.bifurcations.acceptance import StepRule, refusal
+from pipelines.bifurcations.continuation import adapted_length, hermite_weights
+from pipelines.bifurcations.tori.fourier import amplitudes, nearest_fraction, resampled, tail
+from pipelines.bifurcations.tori.invariant_curve import (
+    Torus,
+    TorusCorrection,
+    correct_on_angles,
+    correct_torus,
+    one_history,
+    torus_tangent,
+)
+from pipelines.bifurcations.tori.problem import (
+    TorusConstraint,
+    TorusMetric,
+    TorusProblem,
+    TorusUnknowns,
+    fixed_parameter,
+    metric_of,
+)
+from pipelines.bifurcations.tori.stability import TorusSpectrum, settled_spectrum
+from pipelines.bifurcations.tori.torus import (
+    TorusLimit,
+    TorusOptions,
+    TorusPoint,
+    TorusRecord,
+    TorusResult,
+    TorusStart,
+    TorusState,
+    TorusStop,
+)
+from pipelines.orbits.system import Matrix, size_of
+
+_SPARE = 0.1  # share of the tolerance below which half of the angles are dropped
+_ROUGH_STEP = 0.25  # of the step after a torus that was too rough: such an attempt is dear
+_NOTHING = 1e-3  # share of the deviation from the mean that a torus may not lose in a step
+# Beside a resonance the rotation changes unevenly: a tangent there differs from the mean over a step by more
+# than along a smooth curve.
+_DOUBTFUL_DEFECT, _MISSED = 0.4, 0.25
+_LARGEST_DENOMINATOR = 12  # of the resonances that are named
+
+
+def continue_torus(
+    problem: TorusProblem,
+    start: TorusStart | TorusState,
+    options: TorusOptions,
+    record: TorusRecord,
+    limit: TorusLimit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> TorusResult:
+    """Trace a branch of tori from a guess, or go on from a recorded state.
+
+    ``record(point, state)`` is called once per accepted point; ``state`` is all that is needed to restart
+    after it.  ``limit(point)`` returns a sentence when the point must not be accepted, which ends the branch
+    before it.  ``should_stop()`` is asked after each recorded point.  The last point lies exactly on the end
+    of the range.  Raises ValueError when the start lies outside the range; every other failure is a
+    TorusResult.
+    """
+    metric = metric_of(problem, start.parameter, options.parameter_scale)
+    if isinstance(start, TorusState):
+        state = start
+    else:
+        opened = _open_branch(problem, start, options, metric)
+        if isinstance(opened, TorusResult):
+            return opened
+        point, state = opened
+        if limit is not None and (message := limit(point)) is not None:
+            return TorusResult(TorusStop.LIMIT, None, message)
+        record(point, state)
+    while (stop := _stop_reason(state, options)) is None:
+        if should_stop is not None and should_stop():
+            return TorusResult(TorusStop.INTERRUPTED, state)
+        step = _attempt(problem, state, options, metric)
+        if isinstance(step, _Rejected):
+            if 0.5 * state.step < options.minimum_step:
+                return TorusResult(step.ending, state, step.message)
+            state = replace(state, step=max(step.factor * state.step, options.minimum_step))
+            continue
+        if limit is not None and (message := limit(step.point)) is not None:
+            return TorusResult(TorusStop.LIMIT, state, message)
+        state = _advance(problem, state, step, options)
+        record(step.point, state)
+    return TorusResult(stop, state)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """An accepted step: its point, the unit tangent there and its length."""
+
+    point: TorusPoint
+    tangent: TorusUnknowns
+    length: float
+
+
+@dataclass(frozen=True)
+class _Rejected:
+    """Why a step is too long, and how the branch ends if it cannot be shorter."""
+
+    message: str
+    ending: TorusStop = TorusStop.MINIMUM_STEP
+    factor: float = 0.5
+
+
+def _open_branch(
+    problem: TorusProblem, start: TorusStart, options: TorusOptions, metric: TorusMetric
+) -> tuple[TorusPoint, TorusState] | TorusResult:
+    """Correct the guess at its fixed parameter and orient the branch."""
+    if not options.range[0] <= start.parameter <= options.range[1]:
+        raise ValueError(f"the start {start.parameter} lies outside the range {options.range}")
+    guess = TorusUnknowns(np.array(start.states, dtype=float), start.rotation, start.parameter)
+    count = len(guess.states)
+    constraint = fixed_parameter(problem, count, start.parameter)
+    correction = correct_torus(problem, guess, constraint, start.bases, _reference(problem, guess))
+    torus = correction.torus
+    if torus is None:
+        return TorusResult(TorusStop.START_FAILED, None, correction.stop.advice)
+    if correction.rough:
+        return TorusResult(TorusStop.START_FAILED, None, _roughness(problem, torus))
+    if _collapsed(problem, torus.unknowns, guess):
+        return TorusResult(TorusStop.START_FAILED, None, TorusStop.COLLAPSED.advice)
+    torus, spectrum = settled_spectrum(problem, torus)
+    row = TorusUnknowns(np.zeros_like(torus.unknowns.states), 0.0, float(options.direction))
+    tangent = torus_tangent(problem, torus, row, _reference(problem, torus.unknowns))
+    if tangent is None:
+        return TorusResult(TorusStop.START_FAILED, None, "the parameter turns at the first point")
+    tangent = tangent.scaled(1.0 / metric.norm(tangent))
+    state = _state(problem, torus, spectrum, tangent, 0, options.step, 0.0)
+    return TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms), state
+
+
+def _stop_reason(state: TorusState, options: TorusOptions) -> TorusStop | None:
+    """Why nothing follows a state; told by the state alone, so that a restart from it ends at once."""
+    low, high = options.range
+    outward_high = state.parameter >= high and state.tangent_parameter > 0.0
+    outward_low = state.parameter <= low and state.tangent_parameter < 0.0
+    if outward_high or outward_low:
+        return TorusStop.RANGE
+    return TorusStop.MAXIMUM_POINTS if state.index + 1 >= options.max_points else None
+
+
+def _attempt(
+    problem: TorusProblem, state: TorusState, options: TorusOptions, metric: TorusMetric
+) -> _Step | _Rejected:
+    """One step: predict, correct, test.  Rejected means that the step is too long."""
+    correction = _predict_and_correct(problem, state, options, metric)
+    torus = correction.torus
+    if torus is None:
+        resonance = "" if _known(problem, state.parameter) else f" ({_resonance(state.rotation)})"
+        return _Rejected(correction.stop.advice + resonance)
+    if correction.rough:
+        return _Rejected(_roughness(problem, torus), TorusStop.ROUGH, _ROUGH_STEP)
+    if _collapsed(problem, torus.unknowns, state.unknowns):
+        return _Rejected(f"at {state.parameter:.8g} the torus is nearly a cycle", TorusStop.COLLAPSED)
+    before, tangent_before = state.unknowns.resampled(torus.count), state.tangent.resampled(torus.count)
+    chord = torus.unknowns.minus(before)
+    length = metric.norm(chord)
+    if length == 0.0:
+        return _Rejected("the corrector returned to the previous point")
+    tangent = torus_tangent(problem, torus, metric.row(chord), _reference(problem, torus.unknowns))
+    if tangent is None:
+        return _Rejected("the tangent is singular")
+    tangent = tangent.scaled(1.0 / metric.norm(tangent))
+    ends = (before, tangent_before, torus.unknowns, tangent)
+    rule = StepRule(options.minimum_cosine, _MISSED, _DOUBTFUL_DEFECT, math.inf)
+    message = refusal(
+        metric, tangent_before, chord, tangent, rule, lambda at: _missed(problem, state, metric, ends, at)
+    )
+    if message is not None:
+        return _Rejected(message)
+    torus, spectrum = settled_spectrum(problem, torus)
+    point = TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms)
+    return _Step(point, tangent, length)
+
+
+def _missed(
+    problem: TorusProblem,
+    state: TorusState,
+    metric: TorusMetric,
+    ends: tuple[TorusUnknowns, TorusUnknowns, TorusUnknowns, TorusUnknowns],
+    fraction: float,
+) -> float:
+    """Distance of the torus at a fraction between two from the cubic through both.
+
+    ``ends``: start, unit tangent there, end, unit tangent there.  Zero when there is no such torus: in a
+    resonance, where nothing can be told of the step.
+    """
+    chord = ends[2].minus(ends[0])
+    weights = hermite_weights(fraction, metric.norm(chord))
+    cubic = ends[0].scaled(weights[0])
+    for weight, part in zip(weights[1:], ends[1:], strict=True):
+        cubic = cubic.plus(part, weight)
+    row = metric.row(chord)
+    constraint = TorusConstraint(row, row.dot(ends[0]) + fraction * row.dot(chord))
+    bases = state.slow_bases.resampled(len(cubic.states))
+    torus = correct_on_angles(problem, cubic, constraint, bases, _reference(problem, cubic)).torus
+    return 0.0 if torus is None else metric.norm(torus.unknowns.minus(cubic))
+
+
+def _predict_and_correct(
+    problem: TorusProblem, state: TorusState, options: TorusOptions, metric: TorusMetric
+) -> TorusCorrection:
+    """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it
+    instead.
+    """
+    row = metric.row(state.tangent)
+    guess = state.unknowns.plus(state.tangent, state.step)
+    constraint = TorusConstraint(row, row.dot(state.unknowns) + state.step)
+    reference = _reference(problem, state.unknowns)
+    bound = _bound_passed(guess.parameter, options.range)
+    if bound is not None:
+        return _correct_on_bound(problem, state, guess, bound, reference)
+    correction = correct_torus(problem, guess, constraint, state.slow_bases, reference)
+    if correction.torus is None:
+        return correction
+    found = correction.torus.unknowns
+    bound = _bound_passed(found.parameter, options.range)
+    if bound is None:
+        return correction
+    found = found.resampled(len(state.states))
+    return one_history(correction, _correct_on_bound(problem, state, found, bound, reference))
+
+
+def _correct_on_bound(
+    problem: TorusProblem, state: TorusState, beyond: TorusUnknowns, bound: float, reference: Matrix | None
+) -> TorusCorrection:
+    """The torus on the end of the range, guessed between the state and a place beyond."""
+    share = (bound - state.parameter) / (beyond.parameter - state.parameter)
+    guess = state.unknowns.plus(beyond.minus(state.unknowns), share)
+    constraint = fixed_parameter(problem, len(state.states), bound)
+    return correct_torus(problem, guess, constraint, state.slow_bases, reference)
+
+
+def _bound_passed(parameter: float, interval: tuple[float, float]) -> float | None:
+    if parameter > interval[1]:
+        return interval[1]
+    return interval[0] if parameter < interval[0] else None
+
+
+def _known(problem: TorusProblem, parameter: float) -> bool:
+    return problem.circle.rotation(parameter) is not None
+
+
+def _reference(problem: TorusProblem, unknowns: TorusUnknowns) -> Matrix | None:
+    """The curve that fixes the phase of its neighbours."""
+    return None if _known(problem, unknowns.parameter) else unknowns.states
+
+
+def _collapsed(problem: TorusProblem, unknowns: TorusUnknowns, before: TorusUnknowns) -> bool:
+    """Whether the deviation from the mean turned against that of the curve before: between them a torus with
+    unknown rotation was a cycle, through which the same tori continue with half a turn of the angle.
+    """
+    if _known(problem, unknowns.parameter):
+        return False
+    new, old = unknowns.states, resampled(before.states, len(unknowns.states))
+    old = old - old.mean(axis=0)
+    return bool(np.vdot(new - new.mean(axis=0), old) <= _NOTHING * np.vdot(old, old))
+
+
+def _advance(problem: TorusProblem, state: TorusState, step: _Step, options: TorusOptions) -> TorusState:
+    """The state after an accepted step; the step length follows the count of the corrector."""
+    length = adapted_length(
+        state.step,
+        step.point.iterations,
+        options.target_iterations,
+        options.minimum_step,
+        options.maximum_step,
+    )
+    return _state(
+        problem,
+        step.point.torus,
+        step.point.spectrum,
+        step.tangent,
+        state.index + 1,
+        length,
+        state.arclength + step.length,
+    )
+
+
+def _state(
+    problem: TorusProblem,
+    torus: Torus,
+    spectrum: TorusSpectrum,
+    tangent: TorusUnknowns,
+    index: int,
+    step: float,
+    arclength: float,
+) -> TorusState:
+    count = _following_count(problem, torus)
+    unknowns, tangent = torus.unknowns.resampled(count), tangent.resampled(count)
+    bases = torus.bases if count == torus.count else torus.bases.resampled(count)
+    bases = bases.grown(spectrum.columns, problem.options.basis)
+    return TorusState(
+        index=index,
+        states=unknowns.states,
+        rotation=unknowns.rotation,
+        parameter=unknowns.parameter,
+        tangent_states=tangent.states,
+        tangent_rotation=tangent.rotation,
+        tangent_parameter=tangent.parameter,
+        step=step,
+        arclength=arclength,
+        bases=bases.columns,
+        leading=bases.leading,
+    )
+
+
+def _following_count(problem: TorusProblem, torus: Torus) -> int:
+    """Half of the angles, or half of that, while they would be far more than enough."""
+    count, fourier = torus.count, problem.fourier
+    scale = size_of(torus.unknowns.states)
+    found = amplitudes(torus.unknowns.states)
+    while (half := (count - 1) // 2) >= fourier.fewest and half % 2 == 1:
+        if tail(found[: half // 2 + 1]) > _SPARE * fourier.tolerance * scale:
+            break
+        count = half
+    return count
+
+
+def _resonance(rotation: float) -> str:
+    p, q, distance = nearest_fraction(rotation, _LARGEST_DENOMINATOR)
+    return f"the rotation, {rotation / (2.0 * math.pi):.6f} turns, is {distance:.1e} from {p}/{q}"
+
+
+def _roughness(problem: TorusProblem, torus: Torus) -> str:
+    """What is known of a curve whose Fourier series does not fall."""
+    said = f"with {torus.count} angles {torus.error:.1e} is missing at {torus.unknowns.parameter:.8g}"
+    return f"{said}; {_resonance(torus.unknowns.rotation)}"

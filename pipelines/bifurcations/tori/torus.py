@@ -1,0 +1,139 @@
+"""What a branch of tori is made of: its start, how to walk along it, its points, its state, its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from pipelines.bifurcations.continuation import PlainState, refuse_misfits
+from pipelines.bifurcations.tori.fourier import Array
+from pipelines.bifurcations.tori.invariant_curve import Torus
+from pipelines.bifurcations.tori.problem import TorusUnknowns
+from pipelines.bifurcations.tori.slow_bases import SlowBases
+from pipelines.bifurcations.tori.stability import TorusSpectrum
+from pipelines.orbits.system import Matrix
+
+
+class TorusStop(Enum):
+    """Why a branch of tori ended, with what to do about it."""
+
+    RANGE = "the end of the parameter range is reached: widen the range to go on"
+    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
+    MINIMUM_STEP = "the step fell below its minimum: lower minimum_step or allow more iterations"
+    ROUGH = (
+        "the Fourier series of the curve no longer falls below its tolerance: the torus locks or breaks up; "
+        "allow more angles, or start again beyond the resonance"
+    )
+    COLLAPSED = "the torus shrank onto a cycle: follow the cycles through the Neimark-Sacker point"
+    LIMIT = "a limit set by the caller is reached"
+    INTERRUPTED = "stopped on request after a complete point: start again to go on"
+    START_FAILED = "the first torus did not converge: start at another parameter or from a better guess"
+
+    @property
+    def advice(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True)
+class TorusOptions:
+    """How to walk along a branch of tori.
+
+    ``range``: parameter interval; ``direction``: +1 up, -1 down; ``step``, ``minimum_step``,
+    ``maximum_step``: arclength; ``max_points``; ``target_iterations``: Newton iterations at which the step is
+    kept; ``minimum_cosine``: smallest cosine between neighbouring tangents; ``parameter_scale``: parameter
+    change that counts as one.  Raises ValueError for values out of order.
+    """
+
+    range: tuple[float, float]
+    direction: int = 1
+    step: float = 0.02
+    minimum_step: float = 1e-4
+    maximum_step: float = 0.05
+    max_points: int = 200
+    target_iterations: int = 4
+    minimum_cosine: float = 0.8
+    parameter_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        refuse_misfits(self, (self.range,), (self.parameter_scale,))
+
+
+@dataclass(frozen=True)
+class TorusStart:
+    """A guess for the first torus: ``states`` (M, N) at equally spaced angles, M odd, the slow ``bases``
+    there, the parameter, and the rotation when it is unknown.
+    """
+
+    states: Matrix
+    bases: SlowBases
+    parameter: float
+    rotation: float = 0.0
+
+
+@dataclass(frozen=True)
+class TorusState(PlainState):
+    """Everything the next step depends on, as plain arrays and numbers.
+
+    A branch restarted from a copy of it continues with the same bits.  ``states``, ``tangent_states`` (M, N),
+    ``bases`` (M, N, k) with ``leading`` smooth columns; ``index`` counts the recorded points from zero;
+    ``step`` is the next arclength step.
+    """
+
+    index: int
+    states: Matrix
+    rotation: float
+    parameter: float
+    tangent_states: Matrix
+    tangent_rotation: float
+    tangent_parameter: float
+    step: float
+    arclength: float
+    bases: Array
+    leading: int
+
+    @property
+    def slow_bases(self) -> SlowBases:
+        return SlowBases(self.bases, self.leading)
+
+    @property
+    def unknowns(self) -> TorusUnknowns:
+        return TorusUnknowns(self.states, self.rotation, self.parameter)
+
+    @property
+    def tangent(self) -> TorusUnknowns:
+        return TorusUnknowns(self.tangent_states, self.tangent_rotation, self.tangent_parameter)
+
+
+@dataclass(frozen=True)
+class TorusPoint:
+    """One accepted torus: ``torus`` holds curve, rotation, parameter and the estimated Fourier error.
+
+    ``residual_norms`` and ``update_norms``: history of the corrector, over all numbers of angles it used.
+    """
+
+    torus: Torus
+    spectrum: TorusSpectrum
+    residual_norms: tuple[float, ...]
+    update_norms: tuple[float, ...]
+
+    @property
+    def iterations(self) -> int:
+        return len(self.update_norms)
+
+    @property
+    def stable(self) -> bool:
+        return self.spectrum.unstable == 0
+
+
+@dataclass(frozen=True)
+class TorusResult:
+    """How a branch ended; ``message`` says more, for instance which resonance is near."""
+
+    stop: TorusStop
+    state: TorusState | None
+    message: str = ""
+
+
+TorusRecord = Callable[[TorusPoint, TorusState], None]
+TorusLimit = Callable[[TorusPoint], str | None]

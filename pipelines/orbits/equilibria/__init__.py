@@ -1,0 +1,8 @@
+"""Equilibria and small motions about them.
+
+- equilibrium: damped Newton for a film or the machine
+- linear: bearing coefficients, leading eigenvalues, the speed of instability
+- modes: oscillating modes at one speed, and which is which at another
+- campbell: modes followed over the speed
+- critical_speeds: critical speeds, their count, predicted parametric resonances
+"""

@@ -1,0 +1,122 @@
+"""Oscillating modes of the linearised machine at one speed, and which of them is which at another.
+
+With the modes V of one speed and V' of another as columns, each set is expressed in the other one and its
+conjugates,
+
+    V' = V A + ...,      V = V' B + ...,      R_jk = A_jk B_kj
+
+R (the relative gain array) does not depend on the scale of any column.  It tends to the identity as the
+speeds meet, also where modes are far from orthogonal, and its rows add up to 1: a mode k with R_jk near 1 is
+mode j.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.optimize import linear_sum_assignment
+
+from pipelines.machine.assembly import Machine
+from pipelines.machine.rotor_modes import translations
+from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest
+from pipelines.orbits.equilibria.linear import Array, ComplexArray, eigenpairs_near
+
+# Modes damped more than this are film and foil modes, of no interest to a rotor; those a little more damped
+# are known too, so that one whose damping changes is not lost.
+LARGEST_DAMPING_RATIO, LARGEST_KNOWN = 0.9, 0.99
+# |R_jk - 1| below which two modes are the same beyond doubt, and below which they are taken as the same.
+CERTAIN, LIKELY = 0.3, 0.75
+# Up to this size all eigenvalues of the dense matrix are computed: none can be missed.
+DENSE_SIZE = 500
+SHIFTS, MODES_PER_SHIFT, MOST_PER_SHIFT = 4, 10, 80
+
+
+@dataclass(frozen=True)
+class ModeSet:
+    """Oscillating modes at one speed by rising frequency: eigenvalues (modes,), unit eigenvectors (N, modes)
+    of the whole state, displacements at all shaft nodes (modes, nodes, 2).
+    """
+
+    eigenvalues: ComplexArray
+    vectors: ComplexArray
+    shapes: ComplexArray
+
+    @property
+    def damping_ratios(self) -> Array:
+        """-Re lambda / |lambda|, shape (modes,)."""
+        return np.asarray(-self.eigenvalues.real / np.abs(self.eigenvalues))
+
+
+def modes_at(machine: Machine, parameters: Array, state: Array, top: float) -> ModeSet:
+    """Modes with a damping ratio below ``LARGEST_KNOWN``; of a large machine those with Im lambda
+    below about ``top``.
+    """
+    jacobian = machine.jacobian(MEAN_PHASE, state, at_rest(parameters))
+    if jacobian.shape[0] <= DENSE_SIZE:
+        values, vectors = np.linalg.eig(jacobian.toarray())
+    else:
+        values, vectors = _sparse_pairs(jacobian, top)
+    kept = (values.imag > 1e-6) & (-values.real < LARGEST_KNOWN * np.abs(values))
+    order = np.flatnonzero(kept)[np.argsort(values.imag[kept], kind="stable")]
+    vectors = vectors[:, order] / np.linalg.norm(vectors[:, order], axis=0)
+    return ModeSet(values[order], vectors, node_shapes(machine, vectors))
+
+
+def _sparse_pairs(jacobian: sparse.csc_array, top: float) -> tuple[ComplexArray, ComplexArray]:
+    """Eigenpairs about shifts along the imaginary axis, so many of each that their discs cover the sector of
+    lightly damped modes up to ``top``.
+    """
+    shifts = np.asarray(1j * top * (np.arange(SHIFTS) + 0.5) / SHIFTS, dtype=np.complex128)
+    frequency, slope = np.meshgrid(np.linspace(0.05, 1.0, 20) * top, np.linspace(0.0, 0.58, 7))
+    sector = (frequency * (1j - slope)).ravel()  # up to a damping ratio of 1/2
+    count = MODES_PER_SHIFT
+    while True:
+        pairs = eigenpairs_near(jacobian, shifts, count)
+        distance = np.sort(np.abs(pairs.values[:, None] - shifts), axis=0)
+        reached = distance[min(count, len(distance)) - 1]
+        covered = np.abs(sector[:, None] - shifts) <= reached
+        if covered.any(axis=1).all() or count >= MOST_PER_SHIFT:
+            return pairs.values, pairs.vectors
+        count *= 2
+
+
+def node_shapes(machine: Machine, vectors: ComplexArray) -> ComplexArray:
+    """Displacements x, y at all shaft nodes (modes, nodes, 2) of eigenvectors (N, modes), the largest
+    component 1.
+    """
+    start = machine.rotor_start
+    shapes = translations(machine.scaled, vectors[start : start + machine.rotor_freedoms].T)
+    flat = shapes.reshape(vectors.shape[1], -1)
+    largest = flat[np.arange(len(flat)), np.argmax(np.abs(flat), axis=1)]
+    return np.asarray(shapes / largest[:, None, None])
+
+
+@dataclass(frozen=True)
+class Match:
+    """Which mode of a set is which of another: index there or -1, and whether that is beyond doubt."""
+
+    partner: tuple[int, ...]
+    certain: tuple[bool, ...]
+
+
+def match_modes(first: ModeSet, second: ModeSet) -> Match:
+    """The modes of ``first`` among those of ``second``, one to one."""
+    doubt = np.abs(_relative_gains(first.vectors, second.vectors) - 1.0)
+    partner, certain = [-1] * len(first.eigenvalues), [False] * len(first.eigenvalues)
+    for row, column in zip(*linear_sum_assignment(np.minimum(doubt, 1.0)), strict=True):
+        if doubt[row, column] < LIKELY:
+            partner[row], certain[row] = int(column), bool(doubt[row, column] < CERTAIN)
+    return Match(tuple(partner), tuple(certain))
+
+
+def _relative_gains(first: ComplexArray, second: ComplexArray) -> ComplexArray:
+    """R of the module's docstring."""
+    return np.asarray(_expressed(second, first) * _expressed(first, second).T)
+
+
+def _expressed(vectors: ComplexArray, basis: ComplexArray) -> ComplexArray:
+    """Coefficients (basis, vectors) of vectors in a basis and its conjugates, by least squares."""
+    whole = np.concatenate([basis, basis.conj()], axis=1)
+    return np.asarray(np.linalg.lstsq(whole, vectors, rcond=1e-12)[0][: basis.shape[1]])

@@ -1,0 +1,5 @@
+"""One pass over a period: orbit, tangent columns and parameter columns.
+
+- propagation: explicit Runge-Kutta steppers
+- implicit: diagonally implicit Runge-Kutta steppers
+"""

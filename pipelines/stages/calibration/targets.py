@@ -1,0 +1,120 @@
+"""What a machine reaches of a calibration's targets.
+
+A target at an excitation frequency of highest onset speed is met through the slope of the onset speed over
+the frequency, a central difference of two onsets.  The frequency of the highest onset itself, say by a
+parabola through three onsets, would cost one onset more and has a pole where the curvature vanishes; the
+slope is as smooth as the onsets are, and its zero is the same frequency.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipelines.case.models import Calibrate, CalibrationTarget, Case
+from pipelines.case.problems import CaseError
+from pipelines.machine import film
+from pipelines.machine.assembly import build_machine, parameter_vector
+from pipelines.orbits.equilibria.campbell import campbell_diagram
+from pipelines.orbits.equilibria.critical_speeds import critical_speeds
+from pipelines.stages.calibration.onset_speed import (
+    CENSORED_ABOVE,
+    FAILED,
+    FOUND,
+    INVALID,
+    NO_EQUILIBRIUM,
+    Onset,
+    onset_speed,
+)
+from pipelines.stages.results import ShouldStop, StopRequested
+
+DIRECTIONS = {"any": (1, -1, 0), "forward": (1,), "backward": (-1,)}
+
+
+@dataclass(frozen=True)
+class Reached:
+    """The value of a target in its own unit (NaN where it failed), how the search ended (of `STATUSES`), the
+    onset speed behind it (dimensionless, NaN without one) and its bifurcation.
+    """
+
+    status: str
+    value: float = math.nan
+    onset: float = math.nan
+    bifurcation: str = "unset"
+
+
+def reached(
+    case: Case,
+    values: Mapping[str, float],
+    target: CalibrationTarget,
+    settings: Calibrate,
+    expected: float | None,
+    should_stop: ShouldStop,
+) -> Reached:
+    """What the case with other ``values`` at some keys reaches of a target.
+
+    ``expected``: onset speed of a machine nearby, None to begin at the lowest speed.  Raises StopRequested.
+    """
+    try:
+        own = case.with_values({**values, **target.set})
+        if target.quantity == "critical_speed":
+            return _in_unit(_critical_speed(own, target, should_stop), own, target)
+        interval = target.speed_range or settings.speed_range
+        if target.quantity == "onset_speed":
+            found = onset_speed(own, interval, target.bifurcation, expected, should_stop)
+            return _in_unit(found, own, target)
+        return _slope(own, target, interval, expected, should_stop)
+    except CaseError:
+        return Reached(INVALID)
+
+
+def _in_unit(found: Onset, case: Case, target: CalibrationTarget) -> Reached:
+    value = found.speed if target.value_rpm is None else case.scales.speed_rpm(found.speed)
+    onset = math.nan if target.quantity == "critical_speed" else found.speed
+    return Reached(found.status, value, onset, found.bifurcation)
+
+
+def _slope(
+    case: Case,
+    target: CalibrationTarget,
+    interval: tuple[float, float],
+    expected: float | None,
+    should_stop: ShouldStop,
+) -> Reached:
+    """d(onset)/d(Omega_ex) = (onset(Omega_ex + d) - onset(Omega_ex - d)) / 2d."""
+    frequency = float(parameter_vector(case)[film.EXCITATION_FREQUENCY])
+    onsets = []
+    for side in (-target.difference, target.difference):
+        beside = case.with_values({"excitation.frequency": frequency + side})
+        onsets.append(onset_speed(beside, interval, target.bifurcation, expected, should_stop))
+        if onsets[-1].status in FAILED:
+            return Reached(onsets[-1].status)
+    below, above = onsets
+    status = next((onset.status for onset in onsets if onset.status != FOUND), FOUND)
+    slope = (above.speed - below.speed) / (2.0 * target.difference)
+    return Reached(status, slope, 0.5 * (below.speed + above.speed), above.bifurcation)
+
+
+def _critical_speed(case: Case, target: CalibrationTarget, should_stop: ShouldStop) -> Onset:
+    """The critical speed of a number; the highest speed of [criticals] where there are not so many."""
+
+    def visit(index: int) -> None:
+        if should_stop():
+            raise StopRequested
+
+    machine, parameters, table = build_machine(case), parameter_vector(case), case.criticals
+    speeds = np.linspace(*table.speed_range, table.points)
+    diagram = campbell_diagram(machine, parameters, speeds, visit, table.max_damping_ratio)
+    if len(diagram.missing) == len(diagram.speeds):
+        return Onset(NO_EQUILIBRIUM)
+    found = [
+        critical.speed
+        for critical in critical_speeds(machine, parameters, diagram, table.max_damping_ratio).found
+        if critical.direction in DIRECTIONS[target.whirl]
+    ]
+    if len(found) < target.number:
+        return Onset(CENSORED_ABOVE, float(speeds[-1]))
+    return Onset(FOUND, found[target.number - 1])

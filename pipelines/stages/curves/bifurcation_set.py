@@ -1,0 +1,290 @@
+"""The search of `agfb run` for every bifurcation curve of a case in the plane excitation frequency x speed.
+
+The plane is crossed by branches of cycles along the speed and along the excitation frequency.  Every
+bifurcation that they meet and that lies on no curve yet starts one; so does every special point in which
+another curve meets one of these.  Rounds of fresh lines between the old ones follow, until a whole round
+meets no new curve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from pipelines.bifurcations.branch import BranchStop
+from pipelines.bifurcations.detection import EventKind
+from pipelines.case.models import Case, ContinueCycles
+from pipelines.case.reading import NamedCase
+from pipelines.case.scales import PARAMETERS
+from pipelines.datasets.branch import write_group
+from pipelines.datasets.schema import KINDS
+from pipelines.machine import film
+from pipelines.machine.assembly import parameter_vector
+from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest, machine_equilibrium
+from pipelines.orbits.equilibria.linear import at_speed
+from pipelines.stages.curves.rows import CONTAINERS
+from pipelines.stages.curves.track_curves import Untraced, curves_result, trace_all
+from pipelines.stages.cycles.branch import BranchRequest, trace_branch
+from pipelines.stages.cycles.start import first_hopf
+from pipelines.stages.job import Job, Origin
+from pipelines.stages.results import Report, ShouldStop, StageResult
+
+Interval = tuple[float, float]
+
+GROUP = "bifurcation_set"
+SPEED: Literal["speed"] = "speed"
+FREQUENCY: Literal["excitation_frequency"] = "excitation_frequency"
+LARGEST_ORDER = 2  # of the principal resonances 2 Omega_j / n at which the first round has lines
+APART = 0.02  # of the plane's width: resonances nearer to another line get none
+LINE_POINTS = 2000
+SPEEDS_TRIED = 49  # for the lowest speed with a film
+
+
+@dataclass(frozen=True)
+class Line:
+    """A branch across the plane along `parameter`, the other one `fixed`; made in a `round` of the search."""
+
+    parameter: Literal["speed", "excitation_frequency"]
+    fixed: float
+    round: int
+
+
+def bifurcation_set(
+    case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+) -> StageResult:
+    """Fill ``cycles/s000``, ..., ``pd``, ``ns``, ``folds`` and ``bifurcation_set`` of a case; resumes behind
+    the last point.
+    """
+    job = Job.of("bifurcation-set", case, store_path, report, should_stop)
+    if (reason := nothing_to_search(case.case)) is not None:
+        return StageResult(case.case_id, True, reason)
+    lowest = lowest_speed(job)
+    if lowest is None:
+        return StageResult(
+            case.case_id, False, f"no equilibrium of the plane leaves a film of "
+            f"{case.case.bifurcation_set.smallest_film:g} of the clearance",
+            "raise the upper end of track_curves.ranges, or lower bifurcation_set.smallest_film",
+        )  # fmt: skip
+    search, kinds = case.case.bifurcation_set, _kinds(case.case)
+    lines: list[Line] = []
+    trace_all(job, kinds, search.boundaries)
+    complete = False
+    for number in range(search.max_rounds):
+        fresh = lines_of_round(job, number, lowest)
+        for line in fresh:
+            if should_stop():
+                return _result(job, lines, complete)
+            trace_branch(job, _request(job, line, len(lines), lowest))
+            lines.append(line)
+            trace_all(job, kinds, search.boundaries)
+        if should_stop():
+            return _result(job, lines, complete)
+        first = len(lines) - len(fresh)
+        complete = number > 0 and not any(_new_curves(job, index) for index in range(first, len(lines)))
+        _write(job, lines, lowest, complete)
+        if complete:
+            break
+    return _result(job, lines, complete)
+
+
+def nothing_to_search(case: Case) -> str | None:
+    """Why a case has no set in the plane of excitation frequency and speed; None when it has one."""
+    if set(case.track_curves.parameters) != {SPEED, FREQUENCY}:
+        return "the search covers the plane of excitation_frequency and speed only"
+    if parameter_vector(case)[film.DISPLACEMENT] == 0.0:
+        return "without displacement of the rings nothing depends on the excitation frequency"
+    return None
+
+
+def _kinds(case: Case) -> tuple[EventKind, ...]:
+    """The kinds of curves that the search follows, always in the same order."""
+    every = (EventKind.PERIOD_DOUBLING, EventKind.NEIMARK_SACKER, EventKind.FOLD)
+    return tuple(kind for kind in every if kind.name.lower() in case.bifurcation_set.kinds)
+
+
+def _range(case: Case, parameter: str) -> Interval:
+    table = case.track_curves
+    return table.ranges[table.parameters.index(parameter)]
+
+
+def lowest_speed(job: Job) -> float | None:
+    """The lowest speed of the plane whose equilibrium leaves the smallest film that counts, in the mean ring.
+
+    None when no speed does.  The boundary is found to a thousandth of the range.
+    """
+    low, high = _range(job.case.case, SPEED)
+
+    def has_film(speed: float) -> bool:
+        parameters = at_speed(parameter_vector(job.case.case), speed)
+        found = machine_equilibrium(job.machine, parameters)
+        if not found.converged:
+            return False
+        films = job.machine.minimum_film(MEAN_PHASE, found.state, at_rest(parameters))
+        return float(np.min(films)) >= job.case.case.bifurcation_set.smallest_film
+
+    speeds = [float(speed) for speed in np.linspace(low, high, SPEEDS_TRIED)]
+    first = next((index for index, speed in enumerate(speeds) if has_film(speed)), None)
+    if first is None or first == 0:
+        return None if first is None else low
+    below, above = speeds[first - 1], speeds[first]
+    while above - below > 1e-3 * (high - low):
+        middle = 0.5 * (below + above)
+        below, above = (below, middle) if has_film(middle) else (middle, above)
+    return above
+
+
+def lines_of_round(job: Job, number: int, lowest: float) -> list[Line]:
+    """The lines of a round: between those of the rounds before, and at the predicted resonances in the
+    first.
+    """
+    case, search = job.case.case, job.case.case.bifurcation_set
+    frequencies = _spread(search.frequencies, _range(case, FREQUENCY), number)
+    if number == 0 and search.resonances:
+        frequencies += _resonant_frequencies(job, frequencies)
+    speeds = _spread(search.speeds, (lowest, _range(case, SPEED)[1]), number)
+    return [Line(FREQUENCY, value, number) for value in speeds] + [
+        Line(SPEED, value, number) for value in frequencies
+    ]
+
+
+def _spread(count: int, interval: Interval, number: int) -> list[float]:
+    """`count` equally spaced values, in the middle of as many cells in round 0, elsewhere in later rounds."""
+    low, high = interval
+    # van der Corput: 1/2, 0, 1/4, 3/4, 1/8, ...
+    index = {0: 1, 1: 0}.get(number, number)
+    offset = sum(int(digit) / 2.0 ** (place + 1) for place, digit in enumerate(reversed(f"{index:b}")))
+    return [low + (high - low) * (cell + offset) / count for cell in range(count)]
+
+
+def _resonant_frequencies(job: Job, taken: list[float]) -> list[float]:
+    """Predicted principal resonances inside the plane that are not beside another line."""
+    low, high = _range(job.case.case, FREQUENCY)
+    if not job.groups("criticals"):
+        return []
+    names = ("resonance_frequency", "resonance_order", "resonance_kind")
+    arrays = job.read("criticals", names).arrays
+    principal = KINDS["criticals"].array("resonance_kind").flag("principal")
+    wanted = (arrays["resonance_kind"] == principal) & (arrays["resonance_order"] <= LARGEST_ORDER)
+    found: list[float] = []
+    for value in np.sort(arrays["resonance_frequency"][wanted]):
+        beside = min((abs(value - other) for other in taken + found), default=np.inf)
+        if low <= value <= high and beside > APART * (high - low):
+            found.append(float(value))
+    return found
+
+
+def _request(job: Job, line: Line, index: int, lowest: float) -> BranchRequest:
+    """The branch of a line, downwards from the upper end, where films are thick and periods short."""
+    case = job.case.case
+    low, high = _range(case, line.parameter)
+    low = max(low, lowest) if line.parameter == SPEED else low
+    step = case.bifurcation_set.maximum_step
+    table = ContinueCycles(
+        parameter=line.parameter,
+        range=(low, high),
+        start=high,
+        formulation=case.continue_cycles.formulation,
+        step=min(case.continue_cycles.step, step),
+        minimum_step=case.continue_cycles.minimum_step,
+        maximum_step=step,
+        max_points=LINE_POINTS,
+        minimum_film=case.continue_cycles.minimum_film,
+        direction="down",
+    )
+    other = FREQUENCY if line.parameter == SPEED else SPEED
+    return BranchRequest(
+        f"cycles/s{index:03d}",
+        case.model_copy(update={"continue_cycles": table}),
+        direction=-1,
+        fixed={other: line.fixed},
+    )
+
+
+def _new_curves(job: Job, index: int) -> int:
+    """How many curves start from a line."""
+    group = f"cycles/s{index:03d}"
+    found = 0
+    for name in job.groups(*CONTAINERS.values()):
+        attributes = job.read(name, ()).attributes
+        origin = Origin.of(attributes)
+        found += int(origin is not None and origin.group == group and attributes["half"] == 0)
+    return found
+
+
+def _write(job: Job, lines: list[Line], lowest: float, complete: bool) -> None:
+    """The group that says how the plane was searched."""
+    case, spec = job.case.case, KINDS[GROUP]
+    branches = [
+        job.read(f"cycles/s{index:03d}", (line.parameter, "event_kind")) for index, line in enumerate(lines)
+    ]
+    reached = [
+        (float(branch[line.parameter].min()), float(branch[line.parameter].max()))
+        if branch.n_points
+        else (np.nan, np.nan)
+        for line, branch in zip(lines, branches, strict=True)
+    ]
+    whole = {BranchStop.RANGE.name.lower(), BranchStop.LIMIT.name.lower()}
+    arrays: dict[str, Any] = {
+        "line_parameter": np.array([spec.array("line_parameter").flag(line.parameter) for line in lines]),
+        "line_fixed": np.array([line.fixed for line in lines]),
+        "line_low": np.array([low for low, _ in reached]),
+        "line_high": np.array([high for _, high in reached]),
+        "line_round": np.array([line.round for line in lines]),
+        "line_events": np.array([branch.n_events for branch in branches]),
+        "line_new_curves": np.array([_new_curves(job, index) for index in range(len(lines))]),
+        "line_complete": np.array(
+            [int(branch.attributes["stop_reason"] in whole and branch.n_points > 0) for branch in branches]
+        ),
+    }
+    passive = first_hopf(job.machine, _at_rest(case), *_range(case, SPEED))
+    attributes = {
+        "parameters": list(case.track_curves.parameters),
+        "ranges": [list(interval) for interval in case.track_curves.ranges],
+        "rounds": lines[-1].round + 1,
+        "covered": covered(lines, complete),
+        "kinds": [kind.name.lower() for kind in _kinds(case)],
+        "boundaries": case.bifurcation_set.boundaries,
+        "complete": complete,
+        "passive_instability_speed": None if passive is None else passive.speed,
+        "lowest_speed": lowest,
+    }
+    write_group(job.store, job.path(GROUP), GROUP, arrays, attributes)
+
+
+def _at_rest(case: Case) -> np.ndarray:
+    """The parameters of the passive machine, its rings undeformed."""
+    parameters = parameter_vector(case)
+    parameters[PARAMETERS.index("displacement")] = 0.0
+    return parameters
+
+
+def covered(lines: list[Line], complete: bool) -> str:
+    """A sentence that says how the plane was searched."""
+    along_speed = sum(line.parameter == SPEED for line in lines)
+    rounds = lines[-1].round + 1
+    last = sum(line.round == lines[-1].round for line in lines)
+    met = (
+        f"the last {last} of them met no new curve"
+        if complete
+        else "the last round still met new curves: raise bifurcation_set.max_rounds"
+    )
+    return (
+        f"{along_speed} branches along the speed and {len(lines) - along_speed} along the excitation "
+        f"frequency in {rounds} rounds; {met}"
+    )
+
+
+def _result(job: Job, lines: list[Line], complete: bool) -> StageResult:
+    """How the search ended: well when every curve is complete and the last lines met no new one."""
+    results = {CONTAINERS[kind]: curves_result(job, kind, Untraced()) for kind in _kinds(job.case.case)}
+    summary: dict[str, Any] = {"lines": len(lines)}
+    summary |= {f"{name} curves": result.summary["curves"] for name, result in results.items()}
+    advice = [result.advice for result in results.values() if not result.ok]
+    if not lines or job.should_stop():
+        return StageResult(job.case.case_id, True, "stopped on request", "", summary)
+    sentence = covered(lines, complete)
+    ok = all(result.ok for result in results.values())
+    return StageResult(job.case.case_id, ok, sentence, "; ".join(filter(None, advice)), summary)

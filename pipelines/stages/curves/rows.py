@@ -1,0 +1,243 @@
+"""Points of bifurcation curves as rows of a store, and rows as the state from which a curve goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.bifurcations.curve import CurvePoint, CurveState, SpecialKind, SpecialPoint
+from pipelines.bifurcations.curves.codimension_two import other_multipliers
+from pipelines.bifurcations.curves.stored_curves import TracedCurve
+from pipelines.bifurcations.detection import EventKind, unstable_count
+from pipelines.bifurcations.plane import CurveProblem
+from pipelines.case.models import Case
+from pipelines.case.scales import PARAMETERS
+from pipelines.datasets.records import Branch, Group, Resume
+from pipelines.datasets.schema import KINDS
+from pipelines.machine.assembly import Machine
+from pipelines.machine.rates import BEARINGS
+from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
+
+Array = NDArray[np.float64]
+
+CONTAINERS: Mapping[EventKind, str] = {
+    EventKind.PERIOD_DOUBLING: "pd",
+    EventKind.NEIMARK_SACKER: "ns",
+    EventKind.FOLD: "folds",
+}
+DIRECTIONS = ("tangent", "normal", "gradient", "bend")  # of the array `directions`, in this order
+TRACED = ("parameter_tangent", "arclength", "state", "angle")  # and the free parameters: see `traced`
+SPECIAL_NAMES = tuple(spec.name for spec in KINDS["curve"].arrays if spec.name.startswith("event_"))
+
+
+def curve_sizes(machine: Machine, case: Case, problem: CurveProblem) -> dict[str, int]:
+    """Sizes of the dimensions of a curve's group."""
+    size, columns = problem.period_map.size, problem.options.basis.maximum_columns
+    return {
+        "point": case.track_curves.max_points,
+        "component": size,
+        "extended": size + 3,
+        "augmented": size + 1,
+        "direction": len(DIRECTIONS),
+        "side": 2,
+        "free": 2,
+        "special": len(SpecialKind),
+        "multiplier": columns,
+        "column": columns,
+        "coordinate": machine.rotor_freedoms,
+        "bearing": BEARINGS,
+        # a correction, and a second one where the time steps are refined
+        "iteration": 2 * (problem.options.iterations + 1),
+    }
+
+
+class CurveRecorder:
+    """Writes every accepted point of a curve, and stops the curve where a film is not physical any more.
+
+    The shape of a cycle is needed by both and computed once, in ``limit``, which the engine asks first.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        problem: CurveProblem,
+        curve: Branch,
+        thinnest: float,
+        told: Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None],
+    ) -> None:
+        self._machine, self._problem, self._curve = machine, problem, curve
+        self._thinnest, self._told = thinnest, told
+        self._shape: CycleShape | None = None
+
+    def limit(self, point: CurvePoint) -> str | None:
+        """A sentence if the point is not physical: a film too thin, or a pressure below vacuum."""
+        cycle = point.cycle
+        turns = self._problem.period_map.turns
+        self._shape = cycle_shape(self._machine, cycle.image.orbit, cycle.parameters, turns, snapshots=0)
+        return unphysical(self._shape, self._thinnest)
+
+    def record(self, point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
+        """Commit the point ``limit`` has just passed, with the special points that lead to it."""
+        assert self._shape is not None
+        rows = [special_row(special, state.index - 1) for special in specials]
+        rows += [_unlocated_row(kind, point, state.index - 1) for kind in point.unlocated]
+        autonomous = self._problem.period_map.autonomous
+        self._curve.commit(point_row(point, state, self._shape, autonomous), _slots(state), rows)
+        self._told(point, state, specials)
+
+
+def point_row(point: CurvePoint, state: CurveState, shape: CycleShape, autonomous: bool) -> dict[str, Any]:
+    """One row of a group of kind ``curve``."""
+    spectrum, form = point.cycle.spectrum, point.normal_form
+    others = other_multipliers(point.kind, spectrum.multipliers, point.kappa, autonomous)
+    return {
+        **dict(zip(PARAMETERS, point.cycle.parameters, strict=True)),
+        "period": state.period,
+        "state": state.state,
+        "parameter_tangent": state.tangent_parameters,
+        "step": state.step,
+        "arclength": state.arclength,
+        "angle": point.angle,
+        "kappa": state.kappa,
+        "kappa_slope": state.kappa_slope,
+        "special_tests": state.tests,
+        "multipliers": spectrum.multipliers,
+        "multiplier_residual": spectrum.residuals,
+        "multiplier_count": len(spectrum.multipliers),
+        "unstable_count": unstable_count(others, False),
+        "normal_form": complex(np.nan, np.nan) if form is None else form.coefficient,
+        "normal_form_error": np.nan if form is None else form.error,
+        "criticality": np.int8(_criticality(point)),
+        "orbit_minimum": shape.minimum,
+        "orbit_maximum": shape.maximum,
+        "minimum_pressure": shape.lowest_pressure,
+        "minimum_film": shape.film_trace.min(axis=0),
+        "newton_iterations": point.iterations,
+        "newton_history": np.array(point.residual_norms),
+        "alignment": point.alignment,
+        "steps_per_period": state.steps,
+        "step_error": state.step_error,
+    }
+
+
+def _criticality(point: CurvePoint) -> int:
+    """Flag of the type; unset for a fold, without a coefficient, and where its sign is not certain."""
+    form = point.normal_form
+    if form is None or point.kind is EventKind.FOLD or not form.decided:
+        return -1
+    name = "supercritical" if form.supercritical else "subcritical"
+    return KINDS["curve"].array("criticality").flag(name)
+
+
+def _slots(state: CurveState) -> dict[str, Any]:
+    """What only the step after the newest point needs."""
+    directions = [getattr(state, name) for name in DIRECTIONS]
+    return {
+        "directions": np.array([np.concatenate([d.state, [d.period], d.parameters]) for d in directions]),
+        "critical_vectors": np.array(
+            [np.append(state.right, state.right_period), np.append(state.left, state.left_phase)]
+        ),
+        "basis": state.basis,
+        "basis_columns": state.basis.shape[1],
+    }
+
+
+def special_row(special: SpecialPoint, after_point: int) -> dict[str, Any]:
+    """One located special point."""
+    return _event_row(
+        special.kind, special.parameters, special.state, special.period, special.multipliers, after_point,
+        angle=float(np.arccos(np.clip(special.kappa, -1.0, 1.0))), residual=special.residual,
+    )  # fmt: skip
+
+
+def _unlocated_row(kind: SpecialKind, point: CurvePoint, after_point: int) -> dict[str, Any]:
+    """A special point that was detected before a point but not located: the point's own values."""
+    cycle = point.cycle
+    return _event_row(
+        kind, cycle.parameters, cycle.unknowns.state, cycle.unknowns.period, cycle.spectrum.multipliers,
+        after_point, angle=point.angle, residual=np.nan,
+    )  # fmt: skip
+
+
+def _event_row(
+    kind: SpecialKind,
+    parameters: Array,
+    state: Array,
+    period: float,
+    multipliers: NDArray[np.complex128],
+    after_point: int,
+    angle: float,
+    residual: float,
+) -> dict[str, Any]:
+    flags = KINDS["curve"].array("event_kind").flags
+    return {
+        "event_kind": np.int8([flag.lower() for flag in flags].index(kind.name.lower())),
+        "event_after_point": after_point,
+        **{f"event_{name}": value for name, value in zip(PARAMETERS, parameters, strict=True)},
+        "event_period": period,
+        "event_state": state,
+        "event_multipliers": multipliers,
+        "event_angle": angle,
+        "event_residual": residual,
+    }
+
+
+def stored_special(curve: Group, index: int) -> SpecialPoint:
+    """A located special point read back; of ``curve`` the arrays ``SPECIAL_NAMES`` are needed."""
+    arrays = curve.arrays
+    name = KINDS["curve"].array("event_kind").flags[int(arrays["event_kind"][index])]
+    multipliers = arrays["event_multipliers"][index]
+    return SpecialPoint(
+        kind=SpecialKind[name.upper()],
+        parameters=np.array([arrays[f"event_{parameter}"][index] for parameter in PARAMETERS]),
+        state=np.array(arrays["event_state"][index]),
+        period=float(arrays["event_period"][index]),
+        multipliers=multipliers[np.isfinite(multipliers)],
+        kappa=float(np.cos(arrays["event_angle"][index])),
+        residual=float(arrays["event_residual"][index]),
+        fraction=float("nan"),
+        steps=-1,
+    )
+
+
+def traced(curve: Group, names: tuple[str, str]) -> TracedCurve:
+    """The stored curve, to be compared with other bifurcations; needs ``TRACED`` and the parameters."""
+    parameters = np.column_stack([curve[name] for name in names])
+    return TracedCurve(
+        parameters, curve["parameter_tangent"], curve["arclength"], curve["state"], curve["angle"]
+    )
+
+
+def resumed_state(newest: Resume, first: Mapping[str, Array], names: tuple[str, str]) -> CurveState:
+    """The state after the newest row; ``first`` holds state, period and the parameters of row 0."""
+    row, slots = newest.row, newest.slots
+    size = len(row["state"])
+    arrays: dict[str, Any] = {
+        name: row[name] for name in ("state", "period", "kappa", "kappa_slope", "step", "arclength")
+    }
+    for name, direction in zip(DIRECTIONS, slots["directions"], strict=True):
+        arrays |= {
+            f"{name}_state": direction[:size],
+            f"{name}_period": direction[size],
+            f"{name}_parameters": direction[size + 1 :],
+        }
+    (right, left), columns = slots["critical_vectors"], int(slots["basis_columns"])
+    arrays |= {
+        "index": newest.n_points - 1,
+        "parameters": [row[name] for name in names],
+        "right": right[:-1],
+        "right_period": right[-1],
+        "left": left[:-1],
+        "left_phase": left[-1],
+        "tests": row["special_tests"],
+        "steps": row["steps_per_period"],
+        "step_error": row["step_error"],
+        "basis": slots["basis"][:, :columns],
+        "start_state": first["state"][0],
+        "start_period": first["period"][0],
+        "start_parameters": [first[name][0] for name in names],
+    }
+    return CurveState.from_arrays(arrays)

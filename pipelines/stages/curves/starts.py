@@ -1,0 +1,233 @@
+"""Where curves can start, and which of these starts comes next.
+
+At the bifurcations of all branches of cycles that have ended, and at the special points of stored curves
+where another curve meets them: at R1 and R2 a Neimark-Sacker curve ends on it, elsewhere a second
+bifurcation happens at the same parameters.  Starts are taken in the order of their groups; each is compared
+with the curves traced before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from pipelines.bifurcations.curve import CurveStart, CurveStop
+from pipelines.bifurcations.curves.codimension_two import other_multipliers, resonant_end, second_bifurcation
+from pipelines.bifurcations.curves.stored_curves import TracedCurve
+from pipelines.bifurcations.detection import EventKind, unstable_count
+from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
+from pipelines.bifurcations.switching import curve_from_event, curve_of_second, with_multiplied_period
+from pipelines.datasets.branch import has_ended
+from pipelines.datasets.records import ENDED, Group
+from pipelines.datasets.schema import KINDS
+from pipelines.stages.curves.rows import CONTAINERS, SPECIAL_NAMES, TRACED, stored_special, traced
+from pipelines.stages.cycles.problem import cycle_problem, parameter_scale
+from pipelines.stages.cycles.rows import EVENT_NAMES, stored_event
+from pipelines.stages.job import Job, Origin
+
+WANTING_POINTS = CurveStop.MAXIMUM_POINTS.name.lower()
+BOTH_WAYS = (1, -1)
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a curve may start, for cycles of how many excitation periods, and whether it bounds stable ones
+    there: all multipliers but the critical ones lie inside the unit circle.
+    """
+
+    origin: Origin
+    problem: CurveProblem
+    guess: CurveStart
+    turns: int
+    bounds: bool
+
+
+@dataclass(frozen=True)
+class Next:
+    """A start whose curve is to be traced: the groups it has already, and all curves of its kind."""
+
+    start: Start
+    groups: tuple[str, ...]
+    known: Mapping[str, Group]
+
+    @property
+    def traced_before(self) -> dict[str, TracedCurve]:
+        """The curves of the same kind and period traced before this one, by name."""
+        return {
+            name: traced(curve, self.start.problem.names)
+            for name, curve in self.known.items()
+            if not (self.groups and name >= self.groups[0])
+            and curve.n_points > 1
+            and curve.attributes["turns"] == self.start.turns
+        }
+
+
+class Fate(Enum):
+    """What a start comes to that has no curve of its own."""
+
+    OUTSIDE = 1
+    KNOWN = 2
+    REFUSED = 3
+
+
+Fates = dict[tuple[EventKind, Origin], Fate]
+
+
+def next_start(job: Job, kinds: Sequence[EventKind], fates: Fates, boundaries: bool) -> Next | None:
+    """A curve that was begun; else the first start, in the order of kinds and groups, on no curve yet; None
+    when nothing is left.
+
+    ``fates`` remembers the starts that need not be looked at again; ``boundaries``: only starts that bound
+    stable cycles.
+    """
+    fresh: Next | None = None
+    for kind in kinds:
+        known = _curves(job, kind)
+        origins = {name: Origin.of(curve.attributes) for name, curve in known.items()}
+        for start in starts_of(job, kind):
+            mine = tuple(name for name in known if origins[name] == start.origin)
+            if mine and not _is_finished(job, start, [known[name] for name in mine]):
+                return Next(start, mine, known)
+            if mine or fresh is not None or (kind, start.origin) in fates:
+                continue
+            if boundaries and not start.bounds:
+                continue
+            fate = _fate(job, start, known)
+            if fate is None:
+                fresh = Next(start, (), known)
+            else:
+                fates[kind, start.origin] = fate
+    return fresh
+
+
+def _fate(job: Job, start: Start, known: Mapping[str, Group]) -> Fate | None:
+    if not _is_inside(job, start):
+        return Fate.OUTSIDE
+    # a double Neimark-Sacker point lies on the curve that it was found on, and starts another one
+    others = (curve for name, curve in known.items() if name != start.origin.group)
+    if any(_lies_on(job, start, curve) for curve in others):
+        return Fate.KNOWN
+    return Fate.REFUSED if len(known) >= job.case.case.track_curves.max_curves else None
+
+
+def _is_finished(job: Job, start: Start, halves: Sequence[Group]) -> bool:
+    """Whether the curve of a start has ended in both directions, and not for want of points."""
+    most = job.case.case.track_curves.max_points
+    ended = all(has_ended(half.attributes, half.n_points, WANTING_POINTS, most) for half in halves)
+    return ended and (len(halves) == len(BOTH_WAYS) or is_whole(start, halves[0]))
+
+
+def is_whole(start: Start, curve: Group) -> bool:
+    """Whether nothing is left to trace in the other direction: the curve is closed, could not be started, or
+    is a Neimark-Sacker curve that leaves a resonance, where it ends.  Needs the ``angle``.
+    """
+    closed = curve.attributes["stop_reason"] == CurveStop.CLOSED.name.lower()
+    if closed or curve.n_points == 0:
+        return True
+    return resonant_end(start.problem.kind, float(np.cos(curve["angle"][0]))) is not None
+
+
+def starts_of(job: Job, kind: EventKind) -> Iterator[Start]:
+    """Every bifurcation of the kind located on a branch, then every special point in which a curve of the
+    kind meets a stored one.
+    """
+    flag = KINDS["cycles"].array("event_kind").flag(kind.name.lower())
+    for group in job.groups("cycles"):
+        branch = job.read(group, EVENT_NAMES)
+        if branch.attributes["status"] != ENDED:  # its later bifurcations would come too late
+            continue
+        for index in range(branch.n_events):
+            if branch["event_kind"][index] == flag and np.isfinite(branch["event_residual"][index]):
+                yield _start_at_event(job, branch, Origin(group, index))
+    for other, container in CONTAINERS.items():
+        for group in job.groups(container):
+            yield from _starts_on_curve(job, kind, other, group)
+
+
+def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
+    table, turns = job.case.case.track_curves, int(branch.attributes.get("turns", 1))
+    event = stored_event(branch, origin.event)
+    cycles = with_multiplied_period(cycle_problem(job.machine, job.case.case), turns)
+    problem, guess = curve_from_event(cycles, event, table.parameters, CurveFormulation(table.formulation))
+    others = other_multipliers(
+        event.kind, event.multipliers, float(np.cos(event.angle)), cycles.period_map.autonomous
+    )
+    return Start(origin, problem, guess, turns, unstable_count(others, False) == 0)
+
+
+def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) -> Iterator[Start]:
+    """Curves of `kind` through the special points of a curve of kind `other`."""
+    curve = job.read(group, SPECIAL_NAMES)
+    if curve.attributes["status"] != ENDED:
+        return
+    turns = int(curve.attributes["turns"])
+    for index in range(curve.n_events):
+        if not np.isfinite(curve["event_residual"][index]):
+            continue
+        special = stored_special(curve, index)
+        problem = curve_problem(job, other, turns, special.parameters)
+        second = second_bifurcation(other, special, problem.period_map.autonomous)
+        if second is not None and second.kind is kind:
+            joined, guess = curve_of_second(problem, special, second)
+            yield Start(Origin(group, index), joined, guess, turns, unstable_count(second.others, False) == 0)
+
+
+def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:
+    """Curves of a kind over the plane of the case, the other parameters as given; bordered."""
+    case = job.case.case
+    cycles = with_multiplied_period(cycle_problem(job.machine, case), turns)
+    return CurveProblem(
+        cycles.period_map,
+        kind,
+        parameters,
+        case.track_curves.parameters,
+        cycles.options,
+    )
+
+
+def _curves(job: Job, kind: EventKind) -> dict[str, Group]:
+    """All curves of a kind, as far as `_lies_on` and `traced` need them."""
+    names = (*TRACED, *job.case.case.track_curves.parameters)
+    return {group: job.read(group, names) for group in job.groups(CONTAINERS[kind])}
+
+
+def _is_inside(job: Job, start: Start) -> bool:
+    ranges = job.case.case.track_curves.ranges
+    return all(
+        low <= value <= high for value, (low, high) in zip(start.guess.parameters, ranges, strict=True)
+    )
+
+
+def _lies_on(job: Job, start: Start, curve: Group) -> bool:
+    """Whether a start is on a stored curve of the same kind and period.
+
+    Cycles of several turns are the same whichever turn they are sampled at.
+    """
+    if curve.attributes["turns"] != start.turns or curve.n_points < 2:
+        return False
+    line = traced(curve, start.problem.names)
+    return any(line.holds(guess, parameter_scales(job)) for guess in _samplings(start))
+
+
+def _samplings(start: Start) -> Iterator[CurveStart]:
+    """The start sampled at each of its turns."""
+    yield start.guess
+    if start.turns == 1:
+        return
+    period_map = start.problem.period_map
+    parameters = start.problem.parameters.copy()
+    parameters[list(start.problem.indices)] = start.guess.parameters
+    period = start.guess.period
+    steps = period_map.minimum_steps if period_map.steps_per_period is None else period_map.steps_per_period
+    orbit = period_map.evaluate(start.guess.state, parameters, period, 4 * steps).orbit
+    for turn in range(1, start.turns):
+        yield replace(start.guess, state=orbit[turn * len(orbit) // start.turns])
+
+
+def parameter_scales(job: Job) -> tuple[float, float]:
+    """Changes of the two free parameters that count as one."""
+    first, second = job.case.case.track_curves.parameters
+    return parameter_scale(job.case.case, first), parameter_scale(job.case.case, second)

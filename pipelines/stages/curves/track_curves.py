@@ -1,0 +1,236 @@
+"""Curves of some kinds through every bifurcation of a store that is on none of them yet.
+
+The starts are those of `pipelines.stages.curves.starts`, one after the other, so that the curves of a case do
+not depend on interruptions, and a store with more branches gets more curves, never others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pipelines.bifurcations.curve import (
+    CurveOptions,
+    CurvePoint,
+    CurveResult,
+    CurveStart,
+    CurveState,
+    CurveStop,
+    SpecialPoint,
+)
+from pipelines.bifurcations.curve_continuation import continue_curve
+from pipelines.bifurcations.curves.stored_curves import TracedCurve
+from pipelines.bifurcations.detection import EventKind
+from pipelines.case.reading import NamedCase
+from pipelines.datasets.branch import BranchWriter, open_branch
+from pipelines.datasets.records import ENDED
+from pipelines.stages.curves.rows import (
+    CONTAINERS,
+    TRACED,
+    CurveRecorder,
+    curve_sizes,
+    resumed_state,
+    traced,
+)
+from pipelines.stages.curves.starts import (
+    BOTH_WAYS,
+    WANTING_POINTS,
+    Fate,
+    Fates,
+    Next,
+    Start,
+    is_whole,
+    next_start,
+    parameter_scales,
+)
+from pipelines.stages.cycles.problem import EVENT_SHARE, NORMAL_FORM, smooth_maps
+from pipelines.stages.job import Job, coordinates
+from pipelines.stages.results import Report, ShouldStop, StageResult
+
+COMPLETE = frozenset(
+    {
+        CurveStop.RANGE,
+        CurveStop.CLOSED,
+        CurveStop.RESONANCE_1,
+        CurveStop.RESONANCE_2,
+        CurveStop.MAXIMUM_POINTS,
+        CurveStop.LIMIT,
+        CurveStop.TRACED,
+    }
+)
+
+
+def track_pd(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Fill the groups ``pd/c000``, ... of a case; resumes behind the last point."""
+    job = Job.of("track-pd", case, store_path, report, should_stop)
+    return _track(job, EventKind.PERIOD_DOUBLING)
+
+
+def track_ns(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Fill the groups ``ns/c000``, ... of a case; resumes behind the last point."""
+    job = Job.of("track-ns", case, store_path, report, should_stop)
+    return _track(job, EventKind.NEIMARK_SACKER)
+
+
+def track_folds(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Fill the groups ``folds/c000``, ... of a case; resumes behind the last point."""
+    job = Job.of("track-folds", case, store_path, report, should_stop)
+    return _track(job, EventKind.FOLD)
+
+
+def _track(job: Job, kind: EventKind) -> StageResult:
+    return curves_result(job, kind, trace_all(job, (kind,)))
+
+
+@dataclass(frozen=True)
+class Untraced:
+    """How many starts gave no curve: outside the plane, beyond the largest number of curves."""
+
+    outside: int = 0
+    refused: int = 0
+
+
+def trace_all(job: Job, kinds: Sequence[EventKind], boundaries: bool = False) -> Untraced:
+    """Trace every curve of some kinds that the store's bifurcations start; ``boundaries``: only those that
+    bound stable cycles where they start.
+
+    One curve after the other: what comes next follows from the store alone, so that a search that was
+    interrupted goes on as if it had not been.
+    """
+    fates: Fates = {}
+    while not job.should_stop() and (found := next_start(job, kinds, fates, boundaries)) is not None:
+        _trace_both_ways(job, found)
+    told = list(fates.values())
+    return Untraced(told.count(Fate.OUTSIDE), told.count(Fate.REFUSED))
+
+
+def _trace_both_ways(job: Job, chosen: Next) -> None:
+    """Trace the curve through a start: one group, or two when it is open and the start inside it."""
+    start, groups, known = chosen.start, list(chosen.groups), chosen.traced_before
+    for half, direction in enumerate(BOTH_WAYS):
+        if half == len(groups):
+            if half == 1 and is_whole(start, job.read(groups[0], ("angle",))):
+                return
+            number = len(chosen.known) + len(groups) - len(chosen.groups)
+            groups.append(f"{CONTAINERS[start.problem.kind]}/c{number:03d}")
+        trace_curve(job, start, groups[half], half, direction, known)
+        if job.should_stop():
+            return
+
+
+def trace_curve(
+    job: Job, start: Start, group: str, half: int, direction: int, known: Mapping[str, TracedCurve]
+) -> None:
+    """Follow a curve from its start, or from its last committed point, until it ends, runs along one that is
+    ``known`` or is asked to stop.
+    """
+    table = job.case.case.track_curves
+    attributes = {
+        "bifurcation": start.problem.kind.name.lower(),
+        "parameters": list(table.parameters),
+        "ranges": [list(interval) for interval in table.ranges],
+        "turns": start.turns,
+        "origin": start.origin.as_dict(),
+        "half": half,
+        # more points and more curves may be asked for later; everything else must stay as it was
+        "request": table.model_dump(mode="json", exclude={"max_points", "max_curves"}),
+    }
+    sizes = curve_sizes(job.machine, job.case.case, start.problem)
+    static = coordinates(job.case.case)
+    with open_branch(job.store, job.path(group), "curve", sizes, static, attributes) as curve:
+        if not curve.is_complete(WANTING_POINTS, table.max_points):
+            _follow(job, start, group, curve, direction, known)
+
+
+def _follow(
+    job: Job,
+    start: Start,
+    group: str,
+    curve: BranchWriter,
+    direction: int,
+    known: Mapping[str, TracedCurve],
+) -> None:
+    case = job.case.case
+    problem = start.problem
+    if case.track_curves.normal_forms:
+        smooth = smooth_maps(case, problem.period_map, case.track_curves.normal_form_widths)
+        problem = replace(problem, smooth_maps=smooth)
+    thinnest = case.continue_cycles.minimum_film
+    recorder = CurveRecorder(job.machine, problem, curve, thinnest, _teller(job, start, group))
+    newest, names = curve.resume_row(), problem.names
+    begin: CurveStart | CurveState = start.guess
+    own: TracedCurve | None = None
+    if newest is not None:
+        rows = job.read(group, (*TRACED, "period", *names))
+        begin, own = resumed_state(newest, rows.arrays, names), traced(rows, names)
+    else:
+        job.tell(0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}")
+    options = curve_options(job, direction)
+    result = continue_curve(
+        problem, begin, options, recorder.record, recorder.limit, job.should_stop, known, own
+    )
+    _end(curve, result)
+
+
+def curve_options(job: Job, direction: int) -> CurveOptions:
+    """Options of the continuation from the case's table."""
+    table = job.case.case.track_curves
+    return CurveOptions(
+        ranges=table.ranges,
+        direction=direction,
+        step=table.step,
+        minimum_step=table.minimum_step,
+        maximum_step=table.maximum_step,
+        max_points=table.max_points,
+        parameter_scales=parameter_scales(job),
+        event_tolerance=EVENT_SHARE * job.case.case.numerics.event_tolerance,
+        normal_form=NORMAL_FORM if table.normal_forms else None,
+    )
+
+
+def _teller(
+    job: Job, start: Start, group: str
+) -> Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None]:
+    """What is told of every recorded point."""
+    limit, names = job.case.case.track_curves.max_points, start.problem.names
+
+    def told(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
+        where = ", ".join(f"{name} {value:.5g}" for name, value in zip(names, state.parameters, strict=True))
+        found = "".join(f", {special.kind.name.lower().replace('_', ' ')}" for special in specials)
+        job.tell(state.index + 1, limit, f"{group}: {where}{found}")
+
+    return told
+
+
+def _end(curve: BranchWriter, result: CurveResult) -> None:
+    """Store why the curve ended; an interrupted one stays open."""
+    if result.stop is not CurveStop.INTERRUPTED:
+        # the limit is this stage's own, and its message says all
+        parts = [result.message, "" if result.stop is CurveStop.LIMIT else result.stop.advice]
+        curve.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))
+
+
+def curves_result(job: Job, kind: EventKind, untraced: Untraced) -> StageResult:
+    """How the curves of a case ended: the case is well when all of them are complete."""
+    curves = [job.read(group, ("event_kind",)) for group in job.groups(CONTAINERS[kind])]
+    complete = {stop.name.lower() for stop in COMPLETE}
+    ended = [curve for curve in curves if curve.attributes["status"] == ENDED]
+    ok = not untraced.refused and all(
+        curve.attributes["stop_reason"] in complete and curve.n_points > 0 for curve in ended
+    )
+    specials: list[str] = []
+    for curve in curves:
+        specials += [label.replace("_", " ") for label in curve.labels("event_kind").tolist()]
+    summary = {"curves": len(curves), "points": sum(curve.n_points for curve in curves)}
+    summary |= {name: specials.count(name) for name in dict.fromkeys(specials)}
+    if untraced.outside:
+        summary["starts outside the plane"] = untraced.outside
+    reasons = [curve.attributes["stop_reason"] for curve in curves if curve.attributes["stop_reason"]]
+    if job.should_stop():
+        reasons.append("stopped on request")
+    advice = [curve.attributes["stop_advice"] for curve in curves]
+    if untraced.refused:
+        advice.append(f"{untraced.refused} more curves were not traced: raise track_curves.max_curves")
+    reason = ", ".join(dict.fromkeys(reasons)) or f"no {kind.name.lower().replace('_', ' ')} to start from"
+    return StageResult(job.case.case_id, ok, reason, "; ".join(dict.fromkeys(filter(None, advice))), summary)

@@ -1,0 +1,168 @@
+"""One branch of cycles into its group of the store: started, followed point by point, resumed, ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pipelines.bifurcations.arclength import continue_branch
+from pipelines.bifurcations.branch import BranchPoint, BranchResult, BranchStart, BranchState, BranchStop
+from pipelines.bifurcations.detection import Event
+from pipelines.bifurcations.switching import doubled_branch, with_multiplied_period
+from pipelines.case.models import Case
+from pipelines.datasets.branch import BranchWriter, open_branch
+from pipelines.orbits.shooting import CycleProblem
+from pipelines.stages.cycles.problem import continuation_options, cycle_problem
+from pipelines.stages.cycles.rows import (
+    EVENT_NAMES,
+    RESUMED,
+    BranchRecorder,
+    branch_sizes,
+    resumed_state,
+    static_arrays,
+    stored_event,
+)
+from pipelines.stages.cycles.start import FirstCycle, NoStart, Watch, first_cycles
+from pipelines.stages.job import Job, Origin
+
+NO_START = "no_start"
+WANTING_POINTS = BranchStop.MAXIMUM_POINTS.name.lower()
+NOT_ASKED = {"max_points", "doublings"}  # of the table: more of them may be asked for later
+DOUBLED_AMPLITUDES = (1.0, 0.25, 4.0)  # of the first doubled cycle, in units of continue_cycles.amplitude
+
+
+@dataclass(frozen=True)
+class BranchRequest:
+    """One branch: its `group` (cycles/b000), the `case` with the [continue_cycles] table that it follows, the
+    `direction` of the parameter, and the other parameters that differ from the case's own (`fixed`).
+
+    A period-doubled branch has `turns` 2, 4, 8 excitation periods and starts from a period doubling, its
+    `origin`.
+    """
+
+    group: str
+    case: Case
+    direction: int = 1
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    turns: int = 1
+    origin: Origin | None = None
+
+    def attributes(self) -> dict[str, Any]:
+        """What the group says of the request."""
+        table = self.case.continue_cycles
+        attributes: dict[str, Any] = {
+            "parameter": table.parameter,
+            "formulation": table.formulation,
+            "request": table.model_dump(mode="json", exclude=NOT_ASKED),
+        }
+        if self.fixed:
+            attributes["fixed"] = dict(self.fixed)
+        if self.origin is not None:
+            attributes |= {"turns": self.turns, "origin": self.origin.as_dict()}
+        return attributes
+
+
+def request_problem(job: Job, request: BranchRequest) -> CycleProblem:
+    """The cycles that a request follows."""
+    problem = cycle_problem(job.machine, request.case, request.fixed)
+    return with_multiplied_period(problem, request.turns)
+
+
+def trace_branch(job: Job, request: BranchRequest) -> None:
+    """Follow a branch from its first cycle, or from its last committed point, until it ends or is asked to
+    stop.  A branch that cannot start is an ended group without points, whose attributes say why.
+
+    Raises what `open_branch` raises.
+    """
+    problem = request_problem(job, request)
+    sizes = branch_sizes(job.machine, request.case, problem)
+    static = static_arrays(job.machine, request.case, problem)
+    with open_branch(
+        job.store, job.path(request.group), "cycles", sizes, static, request.attributes()
+    ) as branch:
+        if not branch.is_complete(WANTING_POINTS, request.case.continue_cycles.max_points):
+            _follow(job, request, branch, problem)
+
+
+def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: CycleProblem) -> None:
+    """Trace one branch into its group, from its first cycle or from the last committed point."""
+    table = request.case.continue_cycles
+    newest = branch.resume_row()
+    before = None if newest is None else newest.row["orbit"]
+    recorder = BranchRecorder(
+        job.machine, branch, table.minimum_film, _teller(job, request), request.turns, before
+    )
+
+    def run(start: BranchStart | BranchState, towards: int) -> BranchResult:
+        options = continuation_options(request.case, towards)
+        return continue_branch(problem, start, options, recorder.record, recorder.limit, job.should_stop)
+
+    if newest is not None:
+        rows = job.read(request.group, (*RESUMED, table.parameter)).arrays
+        _end(branch, run(resumed_state(newest, rows, table.parameter), request.direction))
+        return
+    job.tell(0, table.max_points, f"{request.group}: looking for the first cycle")
+    failure = NoStart("no cycle was found", "")
+    for found in _first_cycles(job, request, problem, Watch(recorder.limit, job.should_stop)):
+        if job.should_stop():
+            return
+        if isinstance(found, NoStart):
+            failure = found
+            continue
+        result = run(found.start, found.direction or request.direction)
+        if result.stop is BranchStop.START_FAILED:
+            failure = NoStart(f"the first cycle did not converge: {result.message}", result.stop.advice)
+        elif request.turns > 1 and result.state is None:  # another amplitude may do
+            failure = NoStart(result.message, "set another continue_cycles.amplitude")
+        else:
+            _end(branch, result)
+            return
+    branch.finish(NO_START, f"{failure.reason}: {failure.advice}")
+
+
+def _teller(
+    job: Job, request: BranchRequest
+) -> Callable[[BranchPoint, BranchState, tuple[Event, ...]], None]:
+    """What is told of every recorded point."""
+    table = request.case.continue_cycles
+
+    def told(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
+        message = (
+            f"{table.parameter} {state.parameter:.5g}, largest multiplier {abs(state.multipliers[0]):.4f}"
+        )
+        message += f", {state.steps} steps per period"
+        message += "".join(f", {event.kind.name.lower().replace('_', ' ')}" for event in events)
+        job.tell(state.index + 1, table.max_points, f"{request.group}: {message}")
+
+    return told
+
+
+def _first_cycles(
+    job: Job, request: BranchRequest, problem: CycleProblem, watch: Watch
+) -> Iterator[FirstCycle | NoStart]:
+    """Guesses of the first cycle: of a doubled branch beside its period doubling."""
+    if request.origin is None:
+        yield from first_cycles(job.machine, request.case, problem, watch)
+        return
+    cycles = cycle_problem(job.machine, request.case, request.fixed)
+    simple = with_multiplied_period(cycles, request.turns // 2)
+    event = stored_event(job.read(request.origin.group, EVENT_NAMES), request.origin.event)
+    amplitude = request.case.continue_cycles.amplitude
+    for factor in DOUBLED_AMPLITUDES:
+        found = doubled_branch(simple, event, factor * amplitude)
+        if found is not None:
+            yield FirstCycle(found.start, found.direction)
+        else:
+            yield NoStart(
+                "no cycle of twice the period was found beside the period doubling",
+                "set another continue_cycles.amplitude",
+            )
+
+
+def _end(branch: BranchWriter, result: BranchResult) -> None:
+    """Store why the branch ended; an interrupted one stays open."""
+    if result.stop is not BranchStop.INTERRUPTED:
+        # the limit is this stage's own, and its message says all
+        parts = [result.message, "" if result.stop is BranchStop.LIMIT else result.stop.advice]
+        branch.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))

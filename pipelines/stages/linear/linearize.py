@@ -1,0 +1,227 @@
+"""`agfb linearize`: equilibria along the speed, bearing coefficients, leading eigenvalues, the instability
+speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.case.models import Case
+from pipelines.case.reading import NamedCase
+from pipelines.datasets.branch import BranchWriter, open_branch
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.records import ENDED
+from pipelines.datasets.store import open_for_writing
+from pipelines.machine import film
+from pipelines.machine.assembly import Machine, build_machine, parameter_vector
+from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, Equilibrium, at_rest, equilibrium_along
+from pipelines.orbits.equilibria.linear import (
+    Instability,
+    at_speed,
+    dynamic_stiffness,
+    linear_point,
+    linearised,
+    locate_instability,
+)
+from pipelines.stages.linear import missing_speeds
+from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+
+Array = NDArray[np.float64]
+
+HIDDEN = "the instability lies at speeds without equilibrium"
+
+
+def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Fill the group ``linear`` of a case, speed by speed from the lowest; resumes behind the last speed."""
+    store = open_for_writing(store_path)
+    machine, parameters = build_machine(case.case), reference_parameters(case.case)
+    table = case.case.linearize
+    speeds = np.linspace(*table.speed_range, table.points)
+    group = f"cases/{case.case_id}/linear"
+    with open_branch(
+        store, group, "linear", _sizes(machine, case.case), {"whirl_ratio": np.array(table.whirl_ratios)},
+        {"request": table.model_dump(mode="json")},
+    ) as branch:  # fmt: skip
+        if branch.status != ENDED:
+            reasons: dict[int, str] = {}
+            for index in range(branch.n_points, table.points):
+                if should_stop():
+                    return StageResult(case.case_id, True, "stopped on request")
+                equilibrium = equilibrium_along(machine, parameters, speeds, index, _last_state(branch))
+                reasons[index] = equilibrium.reason
+                at = at_speed(parameters, float(speeds[index]))
+                branch.commit(_row(machine, at, case.case, equilibrium))
+                report(
+                    Progress("linearize", case.case_id, index + 1, table.points, f"speed {speeds[index]:.4g}")
+                )
+            rows = read_group(store, group, ("speed", "state", "eigenvalues")).arrays
+            missing = _missing(machine, parameters, rows, reasons)
+            _finish(
+                branch,
+                missing,
+                {} if len(missing) == table.points else _instability(machine, parameters, rows),
+            )
+    attributes = read_group(store, group, ()).attributes
+    return _result(case.case_id, attributes)
+
+
+def reference_parameters(case: Case) -> Array:
+    """The case's parameters, with the ring undeformed if the linearisation is to be that of the passive
+    machine.
+    """
+    parameters = parameter_vector(case)
+    if case.linearize.ring == "undeformed":
+        parameters[film.DISPLACEMENT] = 0.0
+    return parameters
+
+
+def _missing(
+    machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]], known: Mapping[int, str]
+) -> list[str]:
+    """What is told of the speeds without equilibrium; the reasons that are not ``known`` are found again."""
+    speeds, states = rows["speed"], rows["state"]
+    missing = []
+    for index in np.flatnonzero(~np.isfinite(states).all(axis=1)):
+        reason = known.get(int(index))
+        if reason is None:
+            guess = states[index - 1] if index > 0 and np.isfinite(states[index - 1]).all() else None
+            reason = equilibrium_along(machine, parameters, speeds, int(index), guess).reason
+        missing.append(missing_speeds.told(float(speeds[index]), reason))
+    return missing
+
+
+def _finish(branch: BranchWriter, missing: list[str], instability: dict[str, Any]) -> None:
+    """Say how the range came out."""
+    reason = missing_speeds.ending(missing, branch.n_points)
+    advice = missing_speeds.advice(missing, branch.n_points)
+    hidden = instability.get("instability_between")
+    if hidden is not None and reason == missing_speeds.SOME_MISSING:
+        reason, advice = HIDDEN, f"it begins between the speeds {hidden[0]:.4g} and {hidden[1]:.4g}; {advice}"
+    told = {missing_speeds.ATTRIBUTE: missing} if missing else {}
+    branch.finish(reason, advice, **({"instability_speed": None} | instability | told))
+
+
+def _sizes(machine: Machine, case: Case) -> dict[str, int]:
+    table = case.linearize
+    return {
+        "speed": table.points,
+        "component": machine.size,
+        "bearing": len(machine.bearings),
+        "axis": 2,
+        "eigenvalue": table.eigenvalues,
+        "whirl_ratio": len(table.whirl_ratios),
+        "row": 2,
+        "column": 2,
+    }
+
+
+def _last_state(branch: BranchWriter) -> Array | None:
+    """The equilibrium at the speed before, from which the next one is sought."""
+    newest = branch.resume_row()
+    if newest is None or not np.all(np.isfinite(newest.row["state"])):
+        return None
+    return np.asarray(newest.row["state"])
+
+
+def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibrium) -> dict[str, Any]:
+    """One row of the group; a speed without equilibrium keeps its residual and is otherwise not a number."""
+    table, bearings = case.linearize, len(machine.bearings)
+    coefficients = np.full((len(table.whirl_ratios), bearings, 2, 2), complex(np.nan, np.nan))
+    row: dict[str, Any] = {
+        "speed": parameters[film.SPEED],
+        "state": np.full(machine.size, np.nan),
+        "journal": np.full((bearings, 2), np.nan),
+        "minimum_film": np.full(bearings, np.nan),
+        "eigenvalues": np.zeros(0, dtype=np.complex128),
+        "eigenvalue_residual": np.zeros(0),
+        "newton_iterations": equilibrium.iterations,
+        "newton_residual": equilibrium.residual,
+    }
+    if equilibrium.converged:
+        point = linearised(machine, parameters, equilibrium, table.eigenvalues)
+        state, still = equilibrium.state, at_rest(parameters)
+        journals = np.array([machine.journal(state, index)[:2] for index in range(bearings)])
+        row |= {
+            "state": state,
+            "journal": journals,
+            "minimum_film": machine.minimum_film(MEAN_PHASE, state, still),
+            "eigenvalues": point.eigenpairs.values,
+            "eigenvalue_residual": point.eigenpairs.residuals,
+        }
+        frequencies = np.array(table.whirl_ratios) * parameters[film.SPEED]
+        for index, bearing in enumerate(machine.bearings):
+            own = state[machine.film_unknowns(index)]
+            # Z(i omega) = K + i omega C
+            complex_stiffness = dynamic_stiffness(bearing, own, journals[index], parameters, 1j * frequencies)
+            coefficients[:, index] = (
+                complex_stiffness.real + 1j * complex_stiffness.imag / frequencies[:, None, None]
+            )
+    return row | {"bearing_stiffness": coefficients.real, "bearing_damping": coefficients.imag}
+
+
+def _instability(machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Attributes of the lowest Hopf point between two neighbouring speeds; None where the range has none, or
+    where it lies beside a speed without equilibrium: then ``instability_between`` tells the speeds.
+    """
+    growth = leading_growth(rows["eigenvalues"])
+    for index in np.flatnonzero(
+        np.isfinite(growth[:-1] * growth[1:]) & (growth[:-1] < 0.0) & (growth[1:] >= 0.0)
+    ):
+        low, high = float(rows["speed"][index]), float(rows["speed"][index + 1])
+        hopf = hopf_between(machine, parameters, low, high, rows["state"][index])
+        if hopf is not None:
+            return {
+                "instability_speed": hopf.speed,
+                "instability_frequency": hopf.frequency,
+                "instability_growth": hopf.growth,
+                "instability_growth_slope": hopf.growth_slope,
+            }
+    known = np.flatnonzero(np.isfinite(growth))
+    hidden = [
+        {"instability_between": [float(rows["speed"][before]), float(rows["speed"][after])]}
+        for before, after in pairwise(known)
+        if after > before + 1 and growth[before] < 0.0 <= growth[after]
+    ]
+    begin = {"instability_speed": None, "unstable_from_start": bool(growth[known][:1] > 0.0)}
+    return begin | (hidden[0] if hidden else {})
+
+
+def leading_growth(eigenvalues: NDArray[np.complex128]) -> Array:
+    """Largest real part of the oscillating eigenvalues of every row (rows, eigenvalues); NaN without any."""
+    oscillating = np.isfinite(eigenvalues) & (eigenvalues.imag > 1e-6)
+    growth = np.where(oscillating, eigenvalues.real, -np.inf).max(axis=1)
+    return np.where(np.any(oscillating, axis=1), growth, np.nan)
+
+
+def hopf_between(
+    machine: Machine, parameters: Array, low: float, high: float, guess: Array
+) -> Instability | None:
+    """The Hopf point between two speeds at which the equilibrium exists; None if no pair crosses."""
+    lower = linear_point(machine, at_speed(parameters, low), 4, np.ascontiguousarray(guess))
+    upper = linear_point(machine, at_speed(parameters, high), 4, np.ascontiguousarray(guess))
+    if isinstance(lower, Equilibrium) or isinstance(upper, Equilibrium):
+        return None
+    try:
+        return locate_instability(machine, parameters, lower, upper)
+    except ValueError:  # the leading pair is not the one that crosses
+        return None
+
+
+def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
+    speed = attributes.get("instability_speed")
+    summary = {"speeds": attributes["n_points"], "instability speed": speed}
+    if speed is not None:
+        summary["whirl frequency"] = attributes["instability_frequency"]
+    elif attributes.get("unstable_from_start"):
+        summary["unstable from the lowest speed"] = True
+    missing = attributes.get(missing_speeds.ATTRIBUTE, [])
+    if missing:
+        summary["without equilibrium"] = missing_speeds.named(missing)
+    ok = attributes["stop_reason"] in missing_speeds.WELL
+    return StageResult(case_id, ok, attributes["stop_reason"], attributes["stop_advice"], summary)

@@ -1,0 +1,157 @@
+"""`--refine`: how wrong the located bifurcations are, told by the same points on finer grids.
+
+Every chosen point becomes one row of the group ``refinement``, committed as soon as it is computed. A row
+depends on the stored point alone, so that an interrupted refinement goes on with the same bytes.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipelines.case.models import Case
+from pipelines.case.reading import NamedCase
+from pipelines.case.scales import PARAMETERS
+from pipelines.datasets.branch import BranchWriter, open_branch
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.records import ENDED, Group
+from pipelines.datasets.schema import KINDS
+from pipelines.datasets.store import Store, open_for_writing
+from pipelines.machine.assembly import build_machine
+from pipelines.stages.refinement.levels import (
+    BOUND,
+    FORMAL_ORDERS,
+    REFINED,
+    ErrorEstimate,
+    Grid,
+    Refinement,
+    build_level,
+    estimate,
+    grid_family,
+    refine_point,
+)
+from pipelines.stages.refinement.points import StoredPoint, stored_points
+from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+
+FINISHED = "all points are recomputed"
+NOTHING = "no bifurcation is stored"
+
+
+def refine(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Fill the group ``refinement`` of a case: one row per bifurcation point; points that have a row are left
+    alone.
+    """
+    store, group = open_for_writing(store_path), f"cases/{case.case_id}/refinement"
+    points = stored_points(store, case.case_id, case.case.refine.points_per_curve)
+    known = _known(store, group)
+    waiting = [point for point in points if point.key not in known]
+    if points:
+        with _open(store, group, case.case, len(known) + len(waiting)) as branch:
+            if waiting:
+                _fill(branch, case, waiting, report, should_stop)
+    if not store.has_group(group):
+        return StageResult(case.case_id, True, NOTHING, "continue cycles through a bifurcation first")
+    return _result(case.case_id, read_group(store, group))
+
+
+def _known(store: Store, group: str) -> set[tuple[int, int, int]]:
+    """Keys of the points that have a row."""
+    if not store.has_group(group):
+        return set()
+    rows = read_group(store, group, ("source", "source_number", "source_index"))
+    columns = (rows["source"], rows["source_number"], rows["source_index"])
+    return {(int(a), int(b), int(c)) for a, b, c in zip(*columns, strict=True)}
+
+
+def _open(store: Store, group: str, case: Case, capacity: int) -> BranchWriter:
+    # More points may be asked for later; everything else must stay as it was.
+    request = case.refine.model_dump(mode="json", exclude={"points_per_curve"})
+    grids = grid_family(case)
+    static = {
+        "level_unknowns": np.array([_unknowns(case, grid) for grid in grids], dtype=np.int32),
+        "level_circumferential": np.array([grid.circumferential for grid in grids], dtype=np.int32),
+        "level_axial": np.array([grid.axial for grid in grids], dtype=np.int32),
+    }
+    sizes = {"refined": capacity, "level": len(grids)}
+    attributes = {"request": request, "formal_order": FORMAL_ORDERS[case.numerics.scheme]}
+    return open_branch(store, group, "refinement", sizes, static, attributes)
+
+
+def _unknowns(case: Case, grid: Grid) -> int:
+    """N on a grid, as the kernels count it."""
+    periodic = [bearing.film == "periodic" for bearing in case.bearings]
+    nodes = sum(grid.circumferential - (0 if whole else 1) for whole in periodic)
+    return nodes * (grid.axial + 1) + 2 * case.rotor.condensed_freedoms
+
+
+def _fill(
+    branch: BranchWriter,
+    case: NamedCase,
+    waiting: list[StoredPoint],
+    report: Report,
+    should_stop: ShouldStop,
+) -> None:
+    """Recompute the points one after the other; a request to stop leaves the group open."""
+    grids, order = grid_family(case.case), FORMAL_ORDERS[case.case.numerics.scheme]
+    levels = [build_level(case.case, grid) for grid in grids]
+    source, total = build_machine(case.case), branch.n_points + len(waiting)
+    for point in waiting:
+        if should_stop():
+            return
+        found = refine_point(source, levels, point)
+        known = estimate(point.value, grids, found, order)
+        branch.commit(_row(point, found, known))
+        message = _message(point, found, known)
+        report(Progress("refine", case.case_id, branch.n_points, total, message))
+    branch.finish(FINISHED)
+
+
+def _row(point: StoredPoint, found: Refinement, known: ErrorEstimate) -> dict[str, Any]:
+    """One row of the group."""
+    kind = KINDS["refinement"].array("bifurcation").flag(point.kind.name.lower())
+    return {
+        "source": np.int8(point.source),
+        "source_number": point.number,
+        "source_index": point.index,
+        "bifurcation": np.int8(kind),
+        "turns": point.turns,
+        **dict(zip(PARAMETERS, point.parameters, strict=True)),
+        "held": np.int8(PARAMETERS.index(point.held)),
+        "free": np.int8(PARAMETERS.index(point.free)),
+        "value": point.value,
+        "level_value": found.values,
+        "level_angle": found.angles,
+        "level_steps": found.steps,
+        "observed_order": known.order,
+        "richardson": known.richardson,
+        "richardson_error": known.richardson_error,
+        "error": known.error,
+        "axial_error": known.axial_error,
+        "step_error": known.step_error,
+        "status": np.int8(known.status),
+        "failed_level": found.failed_level,
+    }
+
+
+def _message(point: StoredPoint, found: Refinement, known: ErrorEstimate) -> str:
+    name = f"{point.kind.name.lower().replace('_', ' ')} at {point.free} {point.value:.6g}"
+    if known.status == REFINED:
+        return f"{name}: extrapolated {known.richardson:.6g}, order {known.order:.2f}"
+    if known.status == BOUND:
+        return f"{name}: no clean order, error below {known.error:.2g}"
+    return f"{name}: {found.reason}"
+
+
+def _result(case_id: str, group: Group) -> StageResult:
+    """How many points are refined, and the largest error; points without an estimate do not fail the case."""
+    ended = group.attributes["status"] == ENDED
+    labels, errors = group.labels("status"), group["error"]
+    summary: dict[str, Any] = {"points": group.n_points}
+    for label in dict.fromkeys(str(one) for one in labels):
+        summary[label.replace("_", " ")] = int(np.sum(labels == label))
+    if np.any(np.isfinite(errors)):
+        summary["largest error"] = float(f"{np.nanmax(errors):.3g}")
+    reason = FINISHED if ended else "stopped on request"
+    return StageResult(case_id, True, reason, "", summary)

@@ -1,0 +1,7 @@
+"""Conclusions from stored results.
+
+- first_boundary: the first bifurcation above the lowest speed
+- operating_range: `agfb report`
+- paper_comparison: `agfb compare-paper`
+- verify: `agfb verify`
+"""

@@ -1,0 +1,374 @@
+"""The stages of many cases on the workers of a Dask cluster.
+
+One task is one stage of one case. The stages of a case form a chain, so that curves find the cycles that they
+start from; chains of different cases run side by side. A worker that dies costs nothing that was committed:
+its task is given to another one, which goes on behind the last row. A task that kills its worker every time
+fails its case alone: Dask itself would suspect every task that waits on the same worker, so tasks are handed
+out here, one to a worker.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import queue
+import signal
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import dask
+from distributed import Client, Event, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin, get_worker
+from distributed.client import FutureCancelledError
+from distributed.comm.core import CommClosedError
+
+from pipelines.case.reading import NamedCase
+from pipelines.datasets.watching import progress, watch
+from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.stages.scheduling.pool import ClusterError, Pool
+from pipelines.stages.scheduling.tasks import run_task, task
+
+_TOPIC = "agfb-progress"
+_STOP = "agfb-stop"
+_SECONDS_BETWEEN_REPORTS = 0.5
+_SECONDS_BETWEEN_QUESTIONS = 0.5  # whether to stop; each is a message to the scheduler
+_SECONDS_BETWEEN_LOOKS = 0.05
+_SECONDS_BETWEEN_COUNTS = 0.5  # of the workers; each is a message to the scheduler
+_DEATHS = 3  # of workers with the same task, without a point committed in between
+_STARTS = 3  # of the workers on this machine
+_WITHOUT_WORKERS = 120  # s
+_CONNECTION_TIMEOUT = 15  # s
+
+SETTINGS: Mapping[str, Any] = MappingProxyType(
+    {
+        "distributed.scheduler.allowed-failures": 0,  # a dead worker's task comes back here at once
+        # with Dask's 64 KiB every larger temporary asks the system for new pages: a quarter more time
+        "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
+        "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 24,
+        # what Dask watches for a dashboard that is off took 7 % of two cores from their cases
+        "distributed.worker.profile.enabled": False,
+        "distributed.admin.tick.interval": "1s",
+        "distributed.admin.system-monitor.interval": "5s",
+        "logging": {"distributed": "critical", "tornado": "critical", "asyncio": "critical"},
+    }
+)
+
+
+def run_campaign(
+    stages: Sequence[str],
+    cases: Sequence[NamedCase],
+    store_path: Path,
+    pool: Pool,
+    report: Report,
+    should_stop: ShouldStop,
+) -> Iterator[tuple[str, StageResult]]:
+    """Run every stage on every case and yield stage and result as they arrive.
+
+    Each stage of a case waits for the one before. When `should_stop` answers True, running tasks end at
+    their next commit and no other is started. Raises ClusterError, and OSError and MemoryError as
+    `run_stages` does.
+    """
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(_settings(pool)))
+        for name, level in SETTINGS["logging"].items():  # what goes wrong is told as a ClusterError
+            logging.getLogger(name).setLevel(level.upper())
+        stack.enter_context(_lost_connections(pool))
+        client = _client(pool, len(cases), should_stop, stack)
+        if client is None:
+            return
+        events: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        client.subscribe_topic(_TOPIC, lambda event: events.put(event[1]))
+        stack.callback(client.unsubscribe_topic, _TOPIC)
+        stop = Event(_STOP, client=client)
+        stop.clear()
+        waiting = deque(_Chain(case, list(stages)) for case in cases)
+        yield from _Campaign(
+            client, pool, stop, _told(events, report), should_stop, store_path.resolve(), waiting
+        ).results()
+
+
+def _settings(pool: Pool) -> dict[str, Any]:
+    """A cluster is reached as its site says; workers of this machine need nothing but Dask's own defaults."""
+    site = {} if pool.address is not None else dask.config.merge(*dask.config.defaults)
+    return {**site, **SETTINGS}
+
+
+def _advice(pool: Pool) -> str:
+    resumes = "what was committed is kept; the same command goes on from there"
+    if pool.address is None:
+        return f"choose fewer --workers, or leave the option out: memory or processes ran short; {resumes}"
+    return f"`dask scheduler` prints its address, `dask worker ADDRESS` adds a worker; {resumes}"
+
+
+@contextmanager
+def _lost_connections(pool: Pool) -> Iterator[None]:
+    """To Dask a lost connection, or one that is not made in time, is an error of the operating system; it is
+    none of the disk's, which have a number.
+    """
+    lost = "the connection to the cluster is lost" if pool.address else "the workers are lost"
+    try:
+        yield
+    except FutureCancelledError as error:  # nothing else cancels what is still asked for
+        raise ClusterError(f"{lost}: {error}", _advice(pool)) from error
+    except OSError as error:
+        if error.errno is not None and not isinstance(error, CommClosedError):
+            raise
+        raise ClusterError(f"{lost}: {error}", _advice(pool)) from error
+
+
+def _client(pool: Pool, cases: int, should_stop: ShouldStop, stack: ExitStack) -> Client | None:
+    """The cluster; None when it was asked to stop before there was one."""
+    if pool.address is not None:
+        client = _connected(pool, should_stop)
+        return None if client is None else stack.enter_context(client)
+    client = stack.enter_context(Client(stack.enter_context(_own_cluster(pool, min(pool.workers, cases)))))
+    client.register_plugin(_IgnoreInterrupts(), name="agfb-interrupts")
+    return client
+
+
+def _own_cluster(pool: Pool, workers: int) -> LocalCluster:
+    """Workers on this machine. One that dies while they start is no reason to give up."""
+    for attempt in range(1, _STARTS + 1):
+        try:
+            return LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                # Dask would take the port of dashboards for what it serves without one
+                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+                memory_limit=None,
+                silence_logs=50,
+            )
+        except Exception as error:  # Dask wraps whatever it was
+            if attempt == _STARTS:
+                raise ClusterError(f"the workers do not start: {error}", _advice(pool)) from error
+    raise AssertionError
+
+
+def _connected(pool: Pool, should_stop: ShouldStop) -> Client | None:
+    """The cluster at an address. Raises ClusterError where there is none.
+
+    A server that is not Dask's may leave a connection open for ever: another thread waits for it.
+    """
+    made: queue.SimpleQueue[Client | Exception] = queue.SimpleQueue()
+    threading.Thread(target=_connect, args=(pool.address, made), daemon=True).start()
+    end = time.monotonic() + _CONNECTION_TIMEOUT + 1  # Dask itself says more about the reason
+    while not should_stop():
+        with suppress(queue.Empty):
+            found = made.get(timeout=_SECONDS_BETWEEN_LOOKS)
+            if isinstance(found, Client):
+                return found
+            why = f"no Dask scheduler answers at {pool.address}: {type(found).__name__}: {found}"
+            raise ClusterError(why, _advice(pool)) from found
+        if time.monotonic() > end:
+            raise ClusterError(
+                f"no Dask scheduler answers at {pool.address} within {_CONNECTION_TIMEOUT} s", _advice(pool)
+            )
+    return None
+
+
+def _connect(address: str, made: queue.SimpleQueue[Client | Exception]) -> None:
+    try:
+        made.put(Client(address, timeout=_CONNECTION_TIMEOUT))
+    except Exception as error:  # also what its settings bring about
+        made.put(error)
+
+
+class _IgnoreInterrupts(WorkerPlugin):
+    """Ctrl-C reaches every process of a terminal: to its own workers the driver decides what it means."""
+
+    def setup(self, worker: Worker) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _told(events: queue.SimpleQueue[dict[str, Any]], report: Report) -> Callable[[], None]:
+    """Pass on the progress that arrived since the last call, in the caller's thread."""
+
+    def tell() -> None:
+        while not events.empty():
+            report(Progress(**events.get()["progress"]))
+
+    return tell
+
+
+@dataclass(frozen=True)
+class _Running:
+    """A task on its worker."""
+
+    future: Future[Any]
+    chain: _Chain
+
+
+@dataclass
+class _Chain:
+    """What is left to do for a case, in order, and how often workers died with the first of it since it had
+    ``committed`` so many points.
+    """
+
+    case: NamedCase
+    stages: list[str]
+    deaths: int = 0
+    committed: int = 0
+
+
+@dataclass
+class _Campaign:
+    """One task at a time on every worker, so that it is known which one a worker died with."""
+
+    client: Client
+    pool: Pool
+    stop: Event
+    tell: Callable[[], None]
+    should_stop: ShouldStop
+    store_path: Path
+    waiting: deque[_Chain]
+    running: dict[str, _Running] = field(default_factory=dict)  # by the address of the worker
+
+    def results(self) -> Iterator[tuple[str, StageResult]]:
+        stopping, counted, present = False, -math.inf, time.monotonic()
+        while self.running or (self.waiting and not stopping):
+            self.tell()
+            if not stopping and self.should_stop():
+                stopping = True
+                self.stop.set()
+            some_ended = any(run.future.done() for run in self.running.values())
+            if some_ended or time.monotonic() - counted > _SECONDS_BETWEEN_COUNTS:
+                counted, workers = time.monotonic(), self._workers()
+                present = counted if workers else present
+                for address in [each for each in self.running if self._has_ended(each, workers)]:
+                    yield from self._end(self.running.pop(address))
+                if not stopping:
+                    self._assign(workers - set(self.running))
+            if time.monotonic() - present > _WITHOUT_WORKERS:
+                raise ClusterError(f"there has been no worker for {_WITHOUT_WORKERS} s", _advice(self.pool))
+            time.sleep(_SECONDS_BETWEEN_LOOKS)
+
+    def _workers(self) -> set[str]:
+        """The addresses of all workers. Raises TimeoutError where the scheduler stands still."""
+        scheduler: Any = self.client.scheduler
+        return set(self.client.sync(scheduler.ncores, callback_timeout=_CONNECTION_TIMEOUT))
+
+    def _assign(self, free: set[str]) -> None:
+        for address in sorted(free):
+            if self.waiting:
+                chain = self.waiting.popleft()
+                work = task(chain.stages[0], chain.case, self.store_path)
+                future = self.client.submit(_on_worker, work, pure=False, workers=[address])
+                self.running[address] = _Running(future, chain)
+
+    def _has_ended(self, address: str, workers: set[str]) -> bool:
+        return self.running[address].future.done() or address not in workers
+
+    def _end(self, run: _Running) -> Iterator[tuple[str, StageResult]]:
+        """Results of a task that has ended, and of those that cannot follow it; what can waits again."""
+        self.tell()
+        chain, case_id = run.chain, run.chain.case.case_id
+        records = _records(run.future)
+        if records is not None:
+            for record in records:
+                yield chain.stages.pop(0), StageResult.from_dict(record)
+                chain.deaths = 0
+                if chain.stages:
+                    self.waiting.appendleft(chain)
+            return
+        error = _error(run.future)
+        if isinstance(error, OSError | MemoryError):
+            raise error
+        if error is None and self._deaths(chain) < _DEATHS:
+            self.waiting.appendleft(chain)
+            return
+        yield chain.stages[0], _lost(case_id, error)
+        for stage in chain.stages[1:]:
+            reason = f"not computed: {chain.stages[0]} did not end"
+            yield stage, StageResult(case_id, False, reason, "run the command again to try once more")
+
+    def _deaths(self, chain: _Chain) -> int:
+        """How many workers have died with the case, this one too, since it committed its newest point:
+        workers that live shorter than their task are no reason to give up.
+        """
+        states = [state for state in watch(self.store_path) if state.case == chain.case.case_id]
+        committed = progress(states).points
+        chain.deaths = chain.deaths + 1 if committed <= chain.committed else 1
+        chain.committed = committed
+        return chain.deaths
+
+
+def _records(future: Future[Any]) -> list[dict[str, Any]] | None:
+    """The result of a task, or nothing where it was asked to stop before it began; None when it did not end.
+
+    A result stays with its worker: one that died after it had computed it never gives it, and Dask would wait
+    for that worker for ever.
+    """
+    if future.status != "finished":
+        return None
+    try:
+        found: list[dict[str, Any]] = future.result(timeout=_CONNECTION_TIMEOUT)
+    except TimeoutError:
+        return None
+    return found
+
+
+def _error(future: Future[Any]) -> BaseException | None:
+    """What a task raised; None when its worker died with it."""
+    if future.status != "error":
+        future.cancel()
+        return None
+    error = future.exception()
+    return None if isinstance(error, KilledWorker) else error
+
+
+def _lost(case_id: str, error: BaseException | None) -> StageResult:
+    if error is None:
+        return StageResult(
+            case_id,
+            False,
+            f"the process that computed it died {_DEATHS} times",
+            "everything committed is kept; with more memory per case (fewer workers, a coarser grid) run the "
+            "command again",
+        )
+    return StageResult(
+        case_id,
+        False,
+        f"its worker failed: {type(error).__name__}: {error}",
+        "every worker needs the same version of agfb and the store under the same path",
+    )
+
+
+def _on_worker(work: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One task, in the process of a worker; nothing when it was asked to stop before it began."""
+    should_stop = _Asked(Event(_STOP).is_set)
+    return [] if should_stop() else [run_task(work, _Sender(), should_stop)]
+
+
+class _Asked:
+    """An answer that is asked for at most every half second, and stays once it is yes."""
+
+    def __init__(self, question: Callable[[], bool]) -> None:
+        self._question, self._answer, self._next = question, False, 0.0
+
+    def __call__(self) -> bool:
+        now = time.monotonic()
+        if not self._answer and now >= self._next:
+            self._answer, self._next = self._question(), now + _SECONDS_BETWEEN_QUESTIONS
+        return self._answer
+
+
+class _Sender:
+    """Sends progress to the driver, not more often than somebody can read; the last of a stage always."""
+
+    def __init__(self) -> None:
+        self._next = 0.0
+
+    def __call__(self, progress: Progress) -> None:
+        now = time.monotonic()
+        if now < self._next and progress.done != progress.total:
+            return
+        self._next = now + _SECONDS_BETWEEN_REPORTS
+        get_worker().log_event(_TOPIC, {"progress": vars(progress)})

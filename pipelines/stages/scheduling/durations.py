@@ -1,0 +1,142 @@
+"""About how long a case takes: a few pieces of its work, timed here and now on its own machine and grid.
+
+What a piece takes is measured; how many of them a point takes is not known before: each ``PASSES_PER_...`` is
+what was counted on finished branches.  An estimate is good to a factor of two or three; that branches end
+before `max_points` makes it too long rather than too short.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from pipelines.case.models import Case
+from pipelines.case.torus_settings import FEWEST_ANGLES
+from pipelines.machine import film
+from pipelines.machine.assembly import Machine, build_machine, parameter_vector
+from pipelines.orbits.equilibria.campbell import campbell_diagram
+from pipelines.orbits.equilibria.equilibrium import Equilibrium, machine_equilibrium
+from pipelines.orbits.equilibria.linear import at_speed, linear_point
+from pipelines.orbits.shooting import CycleProblem, NewtonStop, Unknowns, first_basis
+from pipelines.orbits.steppers import ImplicitStepper
+from pipelines.orbits.time_steps import demand_at, first_steps
+from pipelines.stages.cycles.problem import INITIAL_COLUMNS, cycle_problem
+from pipelines.stages.linear.linearize import reference_parameters
+from pipelines.stages.refinement.levels import case_on, grid_family
+
+PASSES_PER_CYCLE = 12  # corrections, tangents and multipliers, and locating what lies between two points
+PASSES_PER_CURVE_POINT = 100  # normal forms on two smoothed machines included
+PASSES_PER_LEVEL = 30  # of a refined bifurcation, on one of its grids
+PASSES_PER_ANGLE = 15  # of a torus, its corrections and its stability
+_NORMAL_FORMS = 3.0  # times as long as a point of a curve without
+_MEASURED_STEPS = 256  # of an explicit stepper at most
+_TRIALS = 3  # the first may load kernels, and others share the machine
+
+
+@dataclass
+class Durations:
+    """Times [s] of one point of each kind, measured once for all cases of the same rotor and grid.
+
+    None where the machine has no equilibrium to measure at.
+    """
+
+    _known: dict[Any, float | None] = field(default_factory=dict)
+
+    def of_equilibrium(self, case: Case) -> float | None:
+        """One speed of `agfb linearize`."""
+        return self._once(case, _equilibrium)
+
+    def of_campbell_speed(self, case: Case) -> float | None:
+        """One speed of `agfb criticals`, its part of the unbalance response included."""
+        return self._once(case, _campbell_speed)
+
+    def of_cycle(self, case: Case) -> float | None:
+        """One point of a branch of cycles."""
+        once = self._once(case, _pass)
+        return None if once is None else PASSES_PER_CYCLE * once
+
+    def of_curve_point(self, case: Case) -> float | None:
+        """One point of a curve of bifurcations."""
+        once = self._once(case, _pass)
+        share = 1.0 if case.track_curves.normal_forms else 1.0 / _NORMAL_FORMS
+        return None if once is None else share * PASSES_PER_CURVE_POINT * once
+
+    def of_refined_point(self, case: Case) -> float | None:
+        """One bifurcation on all grids of `agfb ... --refine`."""
+        levels = [case_on(case, grid) for grid in grid_family(case)]
+        passes = [self._once(level, _pass) for level in levels if level is not None]
+        return None if None in passes else PASSES_PER_LEVEL * sum(each for each in passes if each is not None)
+
+    def of_torus(self, case: Case) -> float | None:
+        """One point of a branch of tori with the fewest angles."""
+        once = self._once(case, _pass)
+        return None if once is None else PASSES_PER_ANGLE * FEWEST_ANGLES * once
+
+    def _once(self, case: Case, measure: Callable[[Machine, Case], float | None]) -> float | None:
+        grid = [(bearing.film, bearing.clipping) for bearing in case.bearings]
+        key = (measure, repr((case.numerics, case.rotor, grid)))
+        if key not in self._known:
+            self._known[key] = measure(build_machine(case), case)
+        return self._known[key]
+
+
+def _equilibrium(machine: Machine, case: Case) -> float | None:
+    """Two speeds at the upper end of the range: the first one also loads the kernels."""
+    parameters, table = reference_parameters(case), case.linearize
+    high = table.speed_range[1]
+    first = linear_point(machine, at_speed(parameters, high), table.eigenvalues)
+    if isinstance(first, Equilibrium):
+        return None
+    begin = time.perf_counter()
+    linear_point(machine, at_speed(parameters, 0.97 * high), table.eigenvalues, first.equilibrium.state)
+    return time.perf_counter() - begin
+
+
+def _campbell_speed(machine: Machine, case: Case) -> float | None:
+    speeds = np.array([case.criticals.speed_range[1]])
+    for _ in range(2):
+        begin = time.perf_counter()
+        if campbell_diagram(machine, parameter_vector(case), speeds).missing:
+            return None
+    return time.perf_counter() - begin
+
+
+def _pass(machine: Machine, case: Case) -> float | None:
+    """All tangents over one period, with the steps that the multipliers of the equilibrium ask for."""
+    problem = cycle_problem(machine, case)
+    period_map, parameters = problem.period_map, problem.parameters
+    found = machine_equilibrium(machine, parameters)
+    if not found.converged:
+        return None
+    state, period = period_map.extend(found.state), _period(problem)
+    guess = problem.consistent(Unknowns(state, period, float(parameters[problem.index])))
+    first = first_steps(problem, guess)
+    if isinstance(first, NewtonStop):
+        return None
+    steps = wanted = first
+    if isinstance(period_map.stepper, ImplicitStepper):
+        basis = first_basis(problem, guess, steps)
+        image = period_map.evaluate(state, parameters, period, steps, basis)
+        wanted = demand_at(period_map, problem.options, state, parameters, period, steps, basis, image).steps
+    else:  # its steps follow from stability: a stiff machine may ask for millions
+        steps = period_map.rounded_steps(min(wanted, _MEASURED_STEPS))
+        basis = np.eye(period_map.size, min(INITIAL_COLUMNS, period_map.size))
+    seconds = []
+    forgetful = replace(period_map)  # which has kept no orbit
+    for _ in range(_TRIALS):
+        begin = time.perf_counter()
+        forgetful.evaluate(state, parameters, period, steps, basis, once=True)
+        seconds.append(time.perf_counter() - begin)
+    return min(seconds) * wanted / steps
+
+
+def _period(problem: CycleProblem) -> float:
+    """That of the rings; of whirl at half the speed where they rest."""
+    if problem.period_map.system.forcing is not None:
+        return problem.period_map.period(problem.parameters)
+    return 4.0 * math.pi / float(problem.parameters[film.SPEED])

@@ -1,0 +1,93 @@
+"""The store that a run writes to: made by the driver alone, before any case is computed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipelines.case.models import Case
+from pipelines.case.reading import NamedCase
+from pipelines.case.scales import PARAMETERS
+from pipelines.datasets.branch import write_group
+from pipelines.datasets.provenance import provenance
+from pipelines.datasets.store import create_store, open_for_writing
+from pipelines.machine.assembly import parameter_vector
+
+
+def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequence[str]) -> None:
+    """Make the store of a configuration, or check that the one which is there belongs to it.
+
+    `named_cases` are all cases of the configuration, also those that will not be computed now; the geometry
+    of each is written here. Raises StoreError (another configuration, something else at this path), OSError.
+    """
+    root = provenance(named_cases, argv)
+    if store_path.exists():
+        store = open_for_writing(store_path, root)
+    else:
+        store = create_store(
+            store_path, {named.case_id: case_attributes(named) for named in named_cases}, root
+        )
+    for named in named_cases:
+        group = f"cases/{named.case_id}/machine"
+        if not store.has_group(group):
+            write_group(store, group, "machine", *geometry(named.case))
+
+
+def case_attributes(named: NamedCase) -> dict[str, Any]:
+    """Name, origin, parameters at the start and scales, as JSON values; an infinite one is None."""
+    scales = named.case.scales
+    values = dict(zip(PARAMETERS, (float(value) for value in parameter_vector(named.case)), strict=True))
+    values["foil_stiffness"] = scales.bearings[0].foil_stiffness  # the vector has a stand-in for infinity
+    return {
+        "name": named.case_id,
+        "reconstruction": named.case.note,
+        "parameters": {name: value if math.isfinite(value) else None for name, value in values.items()},
+        "scales": {
+            "time": scales.time,
+            "displacement": scales.displacement,
+            "force": scales.force,
+            "pressure": scales.pressure,
+            "speed_rpm_per_unit": scales.speed_rpm_per_unit,
+            "hertz_per_unit": scales.hertz_per_unit,
+        },
+    }
+
+
+def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Arrays and attributes of a case's group ``machine``."""
+    rotor, bearings = case.rotor, case.bearings
+    elements = rotor.single_elements()
+    materials = list(rotor.materials)
+    arrays = {
+        "node_position": np.array(rotor.node_positions()),
+        "element_length": np.array([element.length for element in elements]),
+        "element_outer": np.array([element.outer_diameter for element in elements]),
+        "element_inner": np.array([element.inner_diameter for element in elements]),
+        "element_material": np.array(
+            [materials.index(element.material) for element in elements], dtype=np.int32
+        ),
+        "disc_node": np.array([disc.node for disc in rotor.discs], dtype=np.int32),
+        "disc_mass": np.array([disc.mass for disc in rotor.discs], dtype=float),
+        "disc_diametral_inertia": np.array([disc.diametral_inertia for disc in rotor.discs], dtype=float),
+        "disc_polar_inertia": np.array([disc.polar_inertia for disc in rotor.discs], dtype=float),
+        # I_p = m d^2 / 8 of a thin disc
+        "disc_diameter_equivalent": np.array(
+            [
+                np.sqrt(8.0 * disc.polar_inertia / disc.mass) if disc.mass > 0.0 else 0.0
+                for disc in rotor.discs
+            ]
+        ),
+        "support_node": np.array([support.node for support in rotor.supports], dtype=np.int32),
+        "bearing_node": np.array([bearing.node for bearing in bearings], dtype=np.int32),
+        "bearing_radius": np.array([bearing.radius for bearing in bearings]),
+        "bearing_length": np.array([bearing.length for bearing in bearings]),
+        "bearing_clearance": np.array([bearing.clearance for bearing in bearings]),
+        "master_node": np.array(rotor.master_nodes, dtype=np.int32),
+    }
+    if rotor.slope_nodes:
+        arrays["slope_node"] = np.array(rotor.slope_nodes, dtype=np.int32)
+    return arrays, {"material_names": materials}
