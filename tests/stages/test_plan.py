@@ -10,9 +10,9 @@ from pipelines.case.reading import NamedCase
 from pipelines.case.torus_settings import FEWEST_ANGLES
 from pipelines.datasets.store import open_for_reading
 from pipelines.stages.refinement.points import stored_points
+from pipelines.stages.scheduling import durations
 from pipelines.stages.scheduling.durations import Durations
 from pipelines.stages.scheduling.plan import Planned, There, plan
-from pipelines.stages.scheduling.tasks import durations
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import tree
 

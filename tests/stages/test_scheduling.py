@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 from pathlib import Path
@@ -12,7 +13,7 @@ from pipelines.case.reading import NamedCase, read_cases
 from pipelines.datasets.reading import case_attributes, list_cases, list_groups
 from pipelines.datasets.store import NotAStoreError, OtherConfigurationError, open_for_reading
 from pipelines.stages.results import Progress, StageResult
-from pipelines.stages.scheduling import registry, tasks
+from pipelines.stages.scheduling import plan, registry, tasks
 from pipelines.stages.scheduling.preparation import prepare_store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,3 +109,10 @@ def _ignore(progress: Progress) -> None:
 
 def _never() -> bool:
     return False
+
+
+def test_every_stage_has_a_function_and_is_foreseen() -> None:
+    for name in registry.STAGES:
+        parameters = inspect.signature(registry.stage_function(name)).parameters
+        assert list(parameters) == ["case", "store_path", "report", "should_stop"], name
+    assert {*plan._EXTENTS, "transient"} == set(registry.STAGES)

@@ -6,7 +6,7 @@ before, the plan says what decides it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from pathlib import Path
@@ -20,8 +20,7 @@ from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import COMPLETE
 from pipelines.datasets.store import Store, open_for_reading
 from pipelines.stages.calibration import calibrate
-from pipelines.stages.curves import bifurcation_set
-from pipelines.stages.curves import track_curves as curve_tracking
+from pipelines.stages.curves import bifurcation_set, track_curves
 from pipelines.stages.cycles import continue_cycles
 from pipelines.stages.cycles.branch import NOT_ASKED, WANTING_POINTS
 from pipelines.stages.linear import missing_speeds
@@ -44,7 +43,7 @@ class There(Enum):
     PARTIAL = "partial"
     COMPLETE = "complete"
     FAILED = "failed"  # ended for another reason; computed again only in another store
-    OTHERWISE = "computed otherwise"  # with another table: the run refuses it
+    OTHERWISE = "computed with other settings"  # the run refuses it
 
 
 @dataclass(frozen=True)
@@ -82,89 +81,189 @@ def plan(stages: Sequence[str], cases: Sequence[NamedCase], store_path: Path | N
 
 
 @dataclass(frozen=True)
+class _Here:
+    """What a store holds of a case; ``own``: of these ``groups`` those of one stage."""
+
+    case: Case
+    case_id: str
+    store: Store | None
+    groups: Mapping[str, Attributes]
+    own: Mapping[str, Attributes]
+
+
+@dataclass(frozen=True)
 class _Extent:
-    """Groups of a stage by the beginning of their names, reasons to stop that are no failure, the table that
-    must be the same, but for some keys, and the reason to stop that the key ``most`` of the table lifts.
-    """
+    """What decides how far a stage is and how long it takes."""
 
     groups: tuple[str, ...]
-    well: frozenset[str]
+    """Beginnings of the names of its groups."""
+    success: frozenset[str]
+    """Reasons to stop that are no failure."""
     table: str
+    """The table of the case that must be the same, but for the keys ``free``."""
+    duration: Callable[[Durations, Case], float | None]
+    """Seconds of one point; None where there is no equilibrium to measure at."""
     free: frozenset[str] = frozenset()
-    wanting: str = WANTING_POINTS
-    most: str = "max_points"
+    out_of_points: str = WANTING_POINTS
+    """The reason to stop that a larger value of the key ``limit`` lifts."""
+    limit: str = "max_points"
+    most: Callable[[Case], int | None] = lambda case: None
+    """Points at most, where that is known before."""
+    decided_by: str = ""
+    """What decides the number of points where it is not known before."""
+    without: Callable[[Case], str] = lambda case: ""
+    """What the estimate of the time leaves out."""
+    adjusted: Callable[[Planned, _Here], Planned] = lambda found, here: found
+    """What only this stage knows of what is there."""
+
+
+def _made_in_one_piece(found: Planned, here: _Here) -> Planned:
+    """The critical speeds: made again for another table."""
+    if not here.own:
+        return found
+    there = There.NOTHING if found.there is There.OTHERWISE else There.COMPLETE
+    points = here.case.criticals.points if there is There.COMPLETE else 0
+    return replace(found, there=there, points=points)
+
+
+def _in_both_directions(found: Planned, here: _Here) -> Planned:
+    missing = len(here.own) < len(continue_cycles.directions(here.case))
+    return replace(found, there=There.PARTIAL) if missing and found.there is There.COMPLETE else found
+
+
+def _of_stored_bifurcations(found: Planned, here: _Here) -> Planned:
+    """The refinement: bifurcations that earlier stages will find are not known."""
+    if here.store is None:
+        return found
+    stored = len(stored_points(here.store, here.case_id, here.case.refine.points_per_curve))
+    more = found.there is There.COMPLETE and found.points < stored
+    return replace(found, there=There.PARTIAL if more else found.there, most=stored or None)
+
+
+def _searched(found: Planned, here: _Here) -> Planned:
+    """The search of the plane is complete when a round met no new curve, or all rounds are made."""
+    if found.there in (There.FAILED, There.OTHERWISE):
+        return found
+    return replace(found, there=_search_state(here, found.there))
+
+
+def _search_state(here: _Here, curves: There) -> There:
+    if bifurcation_set.nothing_to_search(here.case) is not None:
+        return There.COMPLETE
+    search = here.groups.get(bifurcation_set.GROUP)
+    table = here.case.bifurcation_set
+    more = search is not None and (
+        bool(search.get("boundaries", False)) > table.boundaries
+        or not set(table.kinds) <= set(search.get("kinds", table.kinds))
+    )
+    if more:
+        return There.PARTIAL
+    if search is not None and (search["complete"] or search["rounds"] >= table.max_rounds):
+        return There.PARTIAL if curves is There.PARTIAL else There.COMPLETE
+    begun = search is not None or any(name.startswith("cycles/s") for name in here.groups)
+    return There.PARTIAL if begun else curves
+
+
+def _of_one_machine(durations: Durations, case: Case) -> float | None:
+    """A machine of a calibration: every onset speed that it needs; a slope needs two."""
+    cycle = durations.of_cycle(case)
+    targets = () if case.calibrate is None else case.calibrate.targets
+    onsets = sum(2 if target.quantity == "onset_slope" else 1 for target in targets)
+    return None if cycle is None else CYCLES_PER_ONSET * onsets * cycle
 
 
 def _names(stops: Iterable[Enum]) -> frozenset[str]:
     return frozenset(stop.name.lower() for stop in stops)
 
 
-_CURVES = _names(curve_tracking.COMPLETE)
-_MORE_CURVES = frozenset({"max_points", "max_curves"})
+def _curves(groups: tuple[str, ...], decided_by: str) -> _Extent:
+    return _Extent(
+        groups=groups,
+        success=_names(track_curves.COMPLETE),
+        table="track_curves",
+        duration=Durations.of_curve_point,
+        free=frozenset({"max_points", "max_curves"}),
+        decided_by=decided_by,
+    )
+
+
 _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
     {
-        "linearize": _Extent(("linear",), missing_speeds.WELL, "linearize"),
-        "criticals": _Extent(("criticals",), frozenset(), "criticals"),
-        "continue_cycles": _Extent(
-            ("cycles/b", "cycles/d"),
-            _names(continue_cycles.COMPLETE),
-            "continue_cycles",
-            frozenset(NOT_ASKED),
+        "linearize": _Extent(
+            groups=("linear",),
+            success=missing_speeds.WELL,
+            table="linearize",
+            duration=Durations.of_equilibrium,
+            most=lambda case: case.linearize.points,
         ),
-        "track_pd": _Extent(("pd/",), _CURVES, "track_curves", _MORE_CURVES),
-        "track_ns": _Extent(("ns/",), _CURVES, "track_curves", _MORE_CURVES),
-        "track_folds": _Extent(("folds/",), _CURVES, "track_curves", _MORE_CURVES),
-        "bifurcation_set": _Extent(("pd/", "ns/", "folds/"), _CURVES, "track_curves", _MORE_CURVES),
+        "criticals": _Extent(
+            groups=("criticals",),
+            success=frozenset(),
+            table="criticals",
+            duration=Durations.of_campbell_speed,
+            most=lambda case: case.criticals.points,
+            adjusted=_made_in_one_piece,
+        ),
+        "continue_cycles": _Extent(
+            groups=("cycles/b", "cycles/d"),
+            success=_names(continue_cycles.COMPLETE),
+            table="continue_cycles",
+            duration=Durations.of_cycle,
+            free=frozenset(NOT_ASKED),
+            most=lambda case: case.continue_cycles.max_points * len(continue_cycles.directions(case)),
+            without=lambda case: (
+                "without branches of doubled cycles" if case.continue_cycles.doublings > 0 else ""
+            ),
+            adjusted=_in_both_directions,
+        ),
+        "track_pd": _curves(("pd/",), "ends when every period doubling of the store lies on a curve"),
+        "track_ns": _curves(("ns/",), "ends when every Neimark-Sacker point of the store lies on a curve"),
+        "track_folds": _curves(("folds/",), "ends when every fold of the store lies on a curve"),
+        "bifurcation_set": replace(
+            _curves(("pd/", "ns/", "folds/"), "ends when a round of fresh lines meets no new curve"),
+            adjusted=_searched,
+        ),
         "refine": _Extent(
-            ("refinement",), frozenset({refine.FINISHED}), "refine", frozenset({"points_per_curve"})
+            groups=("refinement",),
+            success=frozenset({refine.FINISHED}),
+            table="refine",
+            duration=Durations.of_refined_point,
+            free=frozenset({"points_per_curve"}),
+            decided_by="one point for every bifurcation that is found, each on several grids",
+            adjusted=_of_stored_bifurcations,
         ),
         "continue_tori": _Extent(
-            ("tori/",), _names(continue_tori.COMPLETE), "continue_tori", frozenset({"max_points"})
+            groups=("tori/",),
+            success=_names(continue_tori.COMPLETE),
+            table="continue_tori",
+            duration=Durations.of_torus,
+            free=frozenset({"max_points"}),
+            decided_by="a torus takes the longer the more angles it needs, here with the fewest",
         ),
         "calibrate": _Extent(
-            (calibrate.GROUP,),
-            frozenset({calibrate.CONVERGED}),
-            "calibrate",
-            frozenset({"max_evaluations"}),
-            calibrate.OUT_OF_EVALUATIONS,
-            "max_evaluations",
+            groups=(calibrate.GROUP,),
+            success=frozenset({calibrate.CONVERGED}),
+            table="calibrate",
+            duration=_of_one_machine,
+            free=frozenset({"max_evaluations"}),
+            out_of_points=calibrate.OUT_OF_EVALUATIONS,
+            limit="max_evaluations",
+            most=lambda case: None if case.calibrate is None else case.calibrate.max_evaluations,
         ),
     }
 )
-_DECIDED_BY: Mapping[str, str] = MappingProxyType(
-    {
-        "track_pd": "ends when every period doubling of the store lies on a curve",
-        "track_ns": "ends when every Neimark-Sacker point of the store lies on a curve",
-        "track_folds": "ends when every fold of the store lies on a curve",
-        "bifurcation_set": "ends when a round of fresh lines meets no new curve",
-        "refine": "one point for every bifurcation that is found, each on several grids",
-        "continue_tori": "a torus takes the longer the more angles it needs, here with the fewest",
-    }
-)
+"""Every stage but the run in time, which measures itself."""
 
 
 def _found(stage: str, named: NamedCase, store: Store | None) -> Planned:
     """What is there of a stage."""
     case, extent = named.case, _EXTENTS[stage]
     groups = _groups(store, named.case_id)
-    own = {name: found for name, found in groups.items() if name.startswith(extent.groups)}
-    most = _most(stage, case)
-    points = sum(int(found.get("n_points", 0)) for found in own.values())
+    own = {name: attributes for name, attributes in groups.items() if name.startswith(extent.groups)}
+    points = sum(int(attributes.get("n_points", 0)) for attributes in own.values())
     there = _state(own.values(), extent, case)
-    if stage == "criticals" and own:
-        # made in one piece, and again for another table
-        there = There.NOTHING if there is There.OTHERWISE else There.COMPLETE
-        points = case.criticals.points if there is There.COMPLETE else 0
-    if stage == "continue_cycles" and there is There.COMPLETE:
-        if len(own) < len(continue_cycles.directions(case)):
-            there = There.PARTIAL
-    if stage == "refine" and store is not None:
-        stored = len(stored_points(store, named.case_id, case.refine.points_per_curve))
-        most = stored or None  # those that earlier stages will find are not known
-        there = There.PARTIAL if there is There.COMPLETE and points < stored else there
-    if stage == "bifurcation_set" and there not in (There.FAILED, There.OTHERWISE):
-        there = _searched(groups, case, there)
-    return Planned(named.case_id, stage, there, points, most, None, _DECIDED_BY.get(stage, ""))
+    found = Planned(named.case_id, stage, there, points, extent.most(case), None, extent.decided_by)
+    return extent.adjusted(found, _Here(case, named.case_id, store, groups, own))
 
 
 def _groups(store: Store | None, case_id: str) -> dict[str, Attributes]:
@@ -186,88 +285,32 @@ def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> There:
         return There.NOTHING
     if not all(is_same for attributes, is_same in same if attributes in found):
         return There.OTHERWISE
-    most = getattr(table, extent.most, 0)
+    most = getattr(table, extent.limit, 0)
     ended = [
-        each["status"] == COMPLETE or has_ended(each, each.get("n_points", 0), extent.wanting, most)
+        each["status"] == COMPLETE or has_ended(each, each.get("n_points", 0), extent.out_of_points, most)
         for each in found
     ]
     if not all(ended):
         return There.PARTIAL
-    well = [
-        each["status"] == COMPLETE or (each["stop_reason"] in extent.well and each["n_points"] > 0)
+    success = [
+        each["status"] == COMPLETE or (each["stop_reason"] in extent.success and each["n_points"] > 0)
         for each in found
     ]
-    return There.COMPLETE if all(well) else There.FAILED
-
-
-def _searched(groups: Mapping[str, Attributes], case: Case, curves: There) -> There:
-    """How far the search of the plane is: complete when a round met no new curve, or all rounds are made."""
-    if bifurcation_set.nothing_to_search(case) is not None:
-        return There.COMPLETE
-    search = groups.get(bifurcation_set.GROUP)
-    table = case.bifurcation_set
-    more = search is not None and (
-        bool(search.get("boundaries", False)) > table.boundaries
-        or not set(table.kinds) <= set(search.get("kinds", table.kinds))
-    )
-    if more:
-        return There.PARTIAL
-    if search is not None and (search["complete"] or search["rounds"] >= table.max_rounds):
-        return There.PARTIAL if curves is There.PARTIAL else There.COMPLETE
-    begun = search is not None or any(name.startswith("cycles/s") for name in groups)
-    return There.PARTIAL if begun else curves
-
-
-def _most(stage: str, case: Case) -> int | None:
-    """Points that a stage has at most."""
-    if stage == "linearize":
-        return case.linearize.points
-    if stage == "criticals":
-        return case.criticals.points
-    if stage == "continue_cycles":
-        return case.continue_cycles.max_points * len(continue_cycles.directions(case))
-    if stage == "calibrate" and case.calibrate is not None:
-        return case.calibrate.max_evaluations
-    return None
+    return There.COMPLETE if all(success) else There.FAILED
 
 
 def _with_time(found: Planned, case: Case, durations: Durations) -> Planned:
     """The same with the time of the points that are left, or of one point where their number is not known."""
-    settled = found.there in (There.COMPLETE, There.FAILED, There.OTHERWISE)
+    extent, settled = _EXTENTS[found.stage], found.there in (There.COMPLETE, There.FAILED, There.OTHERWISE)
+    # a curve that has ended does not say whether every bifurcation lies on one
     if settled and found.stage not in ("track_pd", "track_ns", "track_folds"):
         return replace(found, seconds=0.0, note="")
-    each = _one_point(found.stage, case, durations)
+    each = extent.duration(durations, case)
     if each is None:
         return replace(found, note="there is no equilibrium to measure at")
     if found.most is None:
         return replace(found, note=f"{found.note}; a point takes about {each:.2g} s")
-    more = "without branches of doubled cycles" if _doubles(found.stage, case) else ""
-    return replace(found, seconds=max(0, found.most - found.points) * each, note=more)
-
-
-def _one_point(stage: str, case: Case, durations: Durations) -> float | None:
-    if stage == "linearize":
-        return durations.of_equilibrium(case)
-    if stage == "criticals":
-        return durations.of_campbell_speed(case)
-    if stage == "continue_cycles":
-        return durations.of_cycle(case)
-    if stage == "calibrate":
-        cycle = durations.of_cycle(case)
-        return None if cycle is None else CYCLES_PER_ONSET * _onsets(case) * cycle
-    if stage == "refine":
-        return durations.of_refined_point(case)
-    return durations.of_torus(case) if stage == "continue_tori" else durations.of_curve_point(case)
-
-
-def _onsets(case: Case) -> int:
-    """Onset speeds that one machine of a calibration needs; a slope needs two."""
-    targets = () if case.calibrate is None else case.calibrate.targets
-    return sum(2 if target.quantity == "onset_slope" else 1 for target in targets)
-
-
-def _doubles(stage: str, case: Case) -> bool:
-    return stage == "continue_cycles" and case.continue_cycles.doublings > 0
+    return replace(found, seconds=max(0, found.most - found.points) * each, note=extent.without(case))
 
 
 def _run_in_time(named: NamedCase, store: Store | None, store_path: Path | None) -> Planned:
