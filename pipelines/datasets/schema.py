@@ -22,7 +22,11 @@ from numpy.typing import NDArray
 
 from pipelines.case.scales import PARAMETERS
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+"""A new kind, or a new array that a group may lack, keeps the version.  Every other change of an array (name,
+type, dimensions, flags, meaning) gets a new one: older stores are then refused with advice to read them with
+the version of agfb that their attributes name, or to compute them again.  No command converts stores.
+"""
 
 EVENT = "event"
 SLOT = "slot"

@@ -19,6 +19,7 @@ from pipelines.datasets.errors import StoreError
 from pipelines.datasets.integrity import verify
 from pipelines.datasets.metadata import encode_group
 from pipelines.datasets.reading import case_attributes, list_cases, list_groups, read_group
+from pipelines.datasets.schema import SCHEMA_VERSION
 from pipelines.datasets.store import open_for_reading
 from tests.helpers.synthetic import GROUP, LEAN, compute
 
@@ -151,23 +152,22 @@ GROUPS: dict[str, tuple[str, Callable[[dict[str, Any]], object]]] = {
     "a configuration that is none": ("", lambda a: a.update(configuration=["synthetic"])),
     "versions that are none": ("", lambda a: a.update(versions="1.0")),
     "words that are none": ("", lambda a: a.update(argv=[["agfb"]])),
-    "a version of the schema as a boolean": ("", lambda a: a.update(schema_version=True)),
+    "a version of the schema as a fraction": ("", lambda a: a.update(schema_version=float(SCHEMA_VERSION))),
 }
 
 
 @pytest.mark.parametrize(("group", "change"), GROUPS.values(), ids=GROUPS)
 def test_groups(
-    store: Path, whole: Path, tmp_path: Path, group: str, change: Callable[[dict[str, Any]], object],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    monkeypatch.setattr("pipelines.datasets.metadata.SCHEMA_VERSION", 1)
+    store: Path, whole: Path, tmp_path: Path, group: str, change: Callable[[dict[str, Any]], object]
+) -> None:
     file = store / group / "zarr.json"
     attributes = json.loads(file.read_bytes())["attributes"]
     change(attributes)
     version = attributes["schema_version"]
     content = encode_group(attributes["kind"], attributes)
-    if version is True:  # which the writer would mend
-        content = content.replace(b'"schema_version": 1', b'"schema_version": true')
+    if type(version) is float:  # which the writer would mend
+        written = f'"schema_version": {SCHEMA_VERSION}'.encode()
+        content = content.replace(written, written + b".0")
     file.write_bytes(content)
     refused(store, whole, tmp_path / "out")
 

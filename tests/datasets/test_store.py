@@ -27,6 +27,7 @@ from pipelines.datasets.errors import (
 from pipelines.datasets.metadata import encode_group, regular_file_size
 from pipelines.datasets.provenance import provenance
 from pipelines.datasets.reading import describe, list_cases, list_groups, read_branch, read_group
+from pipelines.datasets.schema import SCHEMA_VERSION
 from pipelines.datasets.store import Store, create_store, move_aside, open_for_reading, open_for_writing
 from tests.helpers.synthetic import GROUP, LEAN, PROVENANCE, extend
 
@@ -224,8 +225,9 @@ def test_foreign_groups_are_refused(store: Store, branch: Path, change: Callable
 
 
 def test_a_newer_schema_is_refused(store: Store, branch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipelines.datasets.metadata.SCHEMA_VERSION", 2)
-    with pytest.raises(ForeignStoreError, match="written with schema version 1, this program has 2"):
+    newer = SCHEMA_VERSION + 1
+    monkeypatch.setattr("pipelines.datasets.metadata.SCHEMA_VERSION", newer)
+    with pytest.raises(ForeignStoreError, match=f"version {SCHEMA_VERSION}, this program has {newer}"):
         open_for_reading(store.path)
 
 
