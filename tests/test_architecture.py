@@ -52,7 +52,7 @@ ORDER = {
         "normal_forms", "curve", "curves", "curve_continuation", "switching", "hopf_point", "tori",
     ),
     "stages": (
-        "results", "job", "linear", "cycles", "curves", "transients", "tori", "refinement", "calibration",
+        "results", "job", "step_errors", "linear", "cycles", "curves", "transients", "tori", "refinement", "calibration",
         "reports", "scheduling",
     ),
 }  # fmt: skip

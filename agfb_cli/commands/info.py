@@ -23,8 +23,9 @@ def info(
 ) -> None:
     """Show what a store holds.
 
-    Its cases, and of each branch the points, the events and why it ended. Only metadata are read, also while
-    a run is writing. With -v the advice stored with each branch is shown too.
+    Its cases, and of each branch the points, the events, why it ended, and at how many points the error by
+    the time steps is unknown; also while a run is writing. With -v the advice stored with each branch is
+    shown too.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -33,14 +34,27 @@ def info(
 
         content = describe(path)
         content["cases"] = {name: content["cases"][name] for name in matching(content["cases"], case)}
+        add_step_errors(content)
         if json:
             console.json_data(content)
             return
         show(content, console)
 
 
+def add_step_errors(content: Mapping[str, Any]) -> None:
+    """Say of every group at how many of its points the error by the time steps is unknown."""
+    from pipelines.datasets.store import open_for_reading
+    from pipelines.stages.step_errors import count_in
+
+    store = open_for_reading(content["path"])
+    for name, described in content["cases"].items():
+        for group, state in described["groups"].items():
+            state["points_without_step_error"] = count_in(store, [f"cases/{name}/{group}"])[0]
+
+
 def show(content: Mapping[str, Any], console: Console) -> None:
     """One line per group on stdout; origin, cautions and advice on stderr."""
+    from pipelines.stages import step_errors
     from pipelines.stages.linear.missing_speeds import named
 
     attributes = content["attributes"]
@@ -58,7 +72,10 @@ def show(content: Mapping[str, Any], console: Console) -> None:
                 reason += f" ({named(missing)})"
             if (error := state.get("condensation_error")) is not None:
                 reason += f", condensation error {error:.2g}"
-            if caution := state.get("caution"):
+            unknown = state["points_without_step_error"], state["n_points"] or 0
+            if where := step_errors.told(unknown):
+                reason += f", {step_errors.NAME} {where}"
+            for caution in filter(None, (state.get("caution"), step_errors.caution(unknown))):
                 console.message(f"caution: {name} {group}: {caution}")
             rows.append((name, group, points, state["n_events"], reason))
             if state["stop_advice"]:

@@ -25,6 +25,7 @@ BIFURCATIONS = {
     "period_doubling": "period doubling",
     "neimark_sacker": "Neimark-Sacker",
 }
+CURVES = ("pd", "ns", "folds")
 
 
 def report(
@@ -98,12 +99,18 @@ def show(
     """Tables on stdout, cautions on stderr; or one JSON document."""
     from pipelines.datasets.reading import case_attributes
     from pipelines.datasets.store import open_for_reading
+    from pipelines.stages import step_errors
 
     opened = open_for_reading(path)
     condensed = {case: condensation(opened, case) for case in found}
+    uncertain = {case: unknown_step_errors(opened, case) for case in found}
     if console.json:
         cases = {
-            case: {**as_json(ranges), "condensation_error": condensed[case][0]}
+            case: {
+                **as_json(ranges),
+                "condensation_error": condensed[case][0],
+                "points_without_step_error": uncertain[case][0],
+            }
             for case, ranges in found.items()
         }
         console.json_data({"store": str(path), "written": written, "cases": cases, "missing": missing})
@@ -117,7 +124,7 @@ def show(
         error, doubt = condensed[case]
         if error is not None:
             console.data(f"condensed rotor: modes below the highest speed at most {100.0 * error:.2g} % off")
-        for caution in (*ranges.cautions, *([doubt] if doubt else [])):
+        for caution in filter(None, (*ranges.cautions, doubt, step_errors.caution(uncertain[case]))):
             console.message(f"caution: {case}: {caution}")
 
 
@@ -128,6 +135,15 @@ def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:
     group = f"cases/{case}/criticals"
     attributes = read_group(store, group, ()).attributes if store.has_group(group) else {}
     return attributes.get("condensation_error"), attributes.get("caution", "")
+
+
+def unknown_step_errors(store: StoreOnDisk, case: str) -> tuple[int, int]:
+    """Points of the case's curves whose error by the time steps is unknown, and all of their points."""
+    from pipelines.datasets.reading import list_groups
+    from pipelines.stages.step_errors import count_in
+
+    curves = [name for name in list_groups(store, case) if name.split("/")[2] in CURVES]
+    return count_in(store, curves)
 
 
 def as_json(ranges: OperatingRange) -> dict[str, Any]:

@@ -92,7 +92,7 @@ def write_curve(
         store, group, "curve", {"point": points, "free": 2, "event": 32}, {}, attributes
     ) as writer:
         for point in range(points):
-            row = {name: values[point] for name, values in rows.items()} | extra
+            row = extra | {name: values[point] for name, values in rows.items()}
             writer.commit(
                 row, {"basis_columns": 8}, [e for e in events if e["event_after_point"] == point - 1]
             )

@@ -195,6 +195,18 @@ def test_a_worker_of_a_cluster_is_killed(
     assert_same(alone, folder)
 
 
+def test_campaigns_on_one_cluster_leave_each_other_alone(tmp_path: Path, alone: Path) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    with small_cluster(tmp_path, 2) as machines:
+        words = [*WORDS, "--scheduler", machines.address]
+        running = start(first, words, 1)
+        stopped = start(second, [*words, "--case", CASES[0]], 1)  # behind the first case of the other one
+        stopped.terminate()
+        assert forked.finish(stopped) == 143, forked.messages(second)
+        assert forked.finish(running) == 0, forked.messages(first)
+    assert_same(alone, first)
+
+
 def test_a_result_that_died_with_its_worker_is_not_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -324,9 +336,7 @@ def test_a_malformed_file_of_settings_is_named(tmp_path: Path) -> None:
     assert linearize(tmp_path, variables).returncode == 0
 
 
-def linearize(
-    folder: Path, variables: dict[str, str], *where: str
-) -> subprocess.CompletedProcess[str]:
+def linearize(folder: Path, variables: dict[str, str], *where: str) -> subprocess.CompletedProcess[str]:
     words = ["linearize", *WORDS[1:], *(where or ("--workers", "2"))]
     return subprocess.run(
         [sys.executable, "-m", "agfb_cli", *words],

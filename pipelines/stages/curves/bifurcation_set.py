@@ -25,6 +25,7 @@ from pipelines.machine import film
 from pipelines.machine.assembly import parameter_vector
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest, machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
+from pipelines.stages import step_errors
 from pipelines.stages.curves.rows import CONTAINERS
 from pipelines.stages.curves.track_curves import Untraced, curves_result, trace_all
 from pipelines.stages.cycles.branch import BranchRequest, trace_branch
@@ -287,4 +288,6 @@ def _result(job: Job, lines: list[Line], complete: bool) -> StageResult:
         return StageResult(job.case.case_id, True, "stopped on request", "", summary)
     sentence = covered(lines, complete)
     ok = all(result.ok for result in results.values())
-    return StageResult(job.case.case_id, ok, sentence, "; ".join(filter(None, advice)), summary)
+    doubt = step_errors.caution(step_errors.count_in(job.store, map(job.path, job.groups(*results))))
+    told = "; ".join(filter(None, advice))
+    return StageResult(job.case.case_id, ok, sentence, told, summary, caution=doubt)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from pipelines.bifurcations.curve import (
     CurveOptions,
@@ -25,6 +26,7 @@ from pipelines.bifurcations.detection import EventKind
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.records import ENDED
+from pipelines.stages import step_errors
 from pipelines.stages.curves.rows import (
     CONTAINERS,
     TRACED,
@@ -213,7 +215,8 @@ def _end(curve: BranchWriter, result: CurveResult) -> None:
 
 def curves_result(job: Job, kind: EventKind, untraced: Untraced) -> StageResult:
     """How the curves of a case ended: the case is well when all of them are complete."""
-    curves = [job.read(group, ("event_kind",)) for group in job.groups(CONTAINERS[kind])]
+    names = ("event_kind", step_errors.STEP_ERROR)
+    curves = [job.read(group, names) for group in job.groups(CONTAINERS[kind])]
     complete = {stop.name.lower() for stop in COMPLETE}
     ended = [curve for curve in curves if curve.attributes["status"] == ENDED]
     ok = not untraced.refused and all(
@@ -222,10 +225,13 @@ def curves_result(job: Job, kind: EventKind, untraced: Untraced) -> StageResult:
     specials: list[str] = []
     for curve in curves:
         specials += [label.replace("_", " ") for label in curve.labels("event_kind").tolist()]
-    summary = {"curves": len(curves), "points": sum(curve.n_points for curve in curves)}
+    summary: dict[str, Any] = {"curves": len(curves), "points": sum(curve.n_points for curve in curves)}
     summary |= {name: specials.count(name) for name in dict.fromkeys(specials)}
     if untraced.outside:
         summary["starts outside the plane"] = untraced.outside
+    unknown = step_errors.count(curves)
+    if where := step_errors.told(unknown):
+        summary[step_errors.NAME] = where
     reasons = [curve.attributes["stop_reason"] for curve in curves if curve.attributes["stop_reason"]]
     if job.should_stop():
         reasons.append("stopped on request")
@@ -233,4 +239,5 @@ def curves_result(job: Job, kind: EventKind, untraced: Untraced) -> StageResult:
     if untraced.refused:
         advice.append(f"{untraced.refused} more curves were not traced: raise track_curves.max_curves")
     reason = ", ".join(dict.fromkeys(reasons)) or f"no {kind.name.lower().replace('_', ' ')} to start from"
-    return StageResult(job.case.case_id, ok, reason, "; ".join(dict.fromkeys(filter(None, advice))), summary)
+    sentences, doubt = "; ".join(dict.fromkeys(filter(None, advice))), step_errors.caution(unknown)
+    return StageResult(job.case.case_id, ok, reason, sentences, summary, caution=doubt)

@@ -13,6 +13,7 @@ from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
+from pipelines.stages import step_errors
 from pipelines.stages.cycles.branch import BranchRequest, trace_branch
 from pipelines.stages.cycles.problem import is_self_excited
 from pipelines.stages.job import Job, Origin
@@ -96,7 +97,7 @@ def _ends_at(job: Job, groups: list[str], origin: Origin) -> bool:
 def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
     """How the branches of a case ended: the case is well when all of them are."""
     parameter = job.case.case.continue_cycles.parameter
-    names = ("event_kind", f"event_{parameter}")
+    names = ("event_kind", f"event_{parameter}", step_errors.STEP_ERROR)
     branches, trees = (
         [job.read(group, names) for group in groups],
         [job.read(group, names) for group in doubled],
@@ -106,12 +107,16 @@ def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
         told["doubled branches"] = len(trees)
     for branch in branches + trees:
         told |= _events_summary(branch.arrays, parameter, told)
+    unknown = step_errors.count(branches + trees)
+    if where := step_errors.told(unknown):
+        told[step_errors.NAME] = where
     reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
     advice = [branch.attributes["stop_advice"] for branch in branches + trees]
     ok = all(_is_well(branch) for branch in branches + trees)
     # two branches that end alike say so once
     sentences = "; ".join(dict.fromkeys(filter(None, advice)))
-    return StageResult(job.case.case_id, ok, ", ".join(reasons), sentences, told)
+    doubt = step_errors.caution(unknown)
+    return StageResult(job.case.case_id, ok, ", ".join(reasons), sentences, told, caution=doubt)
 
 
 def _is_well(branch: Group) -> bool:

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+from uuid import uuid4
 
 import dask
 from distributed import Client, Event, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin, get_worker
@@ -34,8 +35,6 @@ from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.scheduling.pool import ClusterError, Pool
 from pipelines.stages.scheduling.tasks import run_task, task
 
-_TOPIC = "agfb-progress"
-_STOP = "agfb-stop"
 _SECONDS_BETWEEN_REPORTS = 0.5
 _SECONDS_BETWEEN_QUESTIONS = 0.5  # whether to stop; each is a message to the scheduler
 _SECONDS_BETWEEN_LOOKS = 0.05
@@ -82,11 +81,11 @@ def run_campaign(
         client = _client(pool, len(cases), should_stop, stack)
         if client is None:
             return
+        name = f"agfb-{uuid4().hex}"  # other campaigns on the cluster have their own progress and stop alone
         events: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
-        client.subscribe_topic(_TOPIC, lambda event: events.put(event[1]))
-        stack.callback(client.unsubscribe_topic, _TOPIC)
-        stop = Event(_STOP, client=client)
-        stop.clear()
+        client.subscribe_topic(name, lambda event: events.put(event[1]))
+        stack.callback(client.unsubscribe_topic, name)
+        stop = Event(name, client=client)
         waiting = deque(_Chain(case, list(stages)) for case in cases)
         yield from _Campaign(
             client, pool, stop, _told(events, report), should_stop, store_path.resolve(), waiting
@@ -260,7 +259,7 @@ class _Campaign:
             if self.waiting:
                 chain = self.waiting.popleft()
                 work = task(chain.stages[0], chain.case, self.store_path)
-                future = self.client.submit(_on_worker, work, pure=False, workers=[address])
+                future = self.client.submit(_on_worker, work, self.stop.name, pure=False, workers=[address])
                 self.running[address] = _Running(future, chain)
 
     def _has_ended(self, address: str, workers: set[str]) -> bool:
@@ -341,10 +340,10 @@ def _lost(case_id: str, error: BaseException | None) -> StageResult:
     )
 
 
-def _on_worker(work: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _on_worker(work: Mapping[str, Any], campaign: str) -> list[dict[str, Any]]:
     """One task, in the process of a worker; nothing when it was asked to stop before it began."""
-    should_stop = _Asked(Event(_STOP).is_set)
-    return [] if should_stop() else [run_task(work, _Sender(), should_stop)]
+    should_stop = _Asked(Event(campaign).is_set)
+    return [] if should_stop() else [run_task(work, _Sender(campaign), should_stop)]
 
 
 class _Asked:
@@ -363,12 +362,12 @@ class _Asked:
 class _Sender:
     """Sends progress to the driver, not more often than somebody can read; the last of a stage always."""
 
-    def __init__(self) -> None:
-        self._next = 0.0
+    def __init__(self, topic: str) -> None:
+        self._topic, self._next = topic, 0.0
 
     def __call__(self, progress: Progress) -> None:
         now = time.monotonic()
         if now < self._next and progress.done != progress.total:
             return
         self._next = now + _SECONDS_BETWEEN_REPORTS
-        get_worker().log_event(_TOPIC, {"progress": vars(progress)})
+        get_worker().log_event(self._topic, {"progress": vars(progress)})

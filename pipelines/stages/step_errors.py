@@ -1,0 +1,50 @@
+"""Points whose error by the time steps is unknown: how many, and what a stage, a list or a report tells of
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.records import Group
+from pipelines.datasets.store import Store
+
+STEP_ERROR = "step_error"
+NAME = "time-step error unknown"
+ADVICE = (
+    "passes with fewer and with more steps contradict each other there, as where a film touches the ambient "
+    'pressure without a slope; bearings.clipping = "smooth" or a finer grid may avoid that'
+)
+# of multipliers; that of tori is not estimated with an explicit stepper
+_CONTAINERS = frozenset({"cycles", "pd", "ns", "folds"})
+
+Count = tuple[int, int]
+"""Points whose error is unknown, and all points."""
+
+
+def count(groups: Iterable[Group]) -> Count:
+    """Those of some branches and curves."""
+    missing = [np.isnan(group[STEP_ERROR]) for group in groups]
+    return sum(int(each.sum()) for each in missing), sum(each.size for each in missing)
+
+
+def count_in(store: Store, groups: Iterable[str]) -> Count:
+    """Those of some of a store's groups, by full name; other groups than branches and curves count nothing.
+
+    Raises StoreError for one that cannot be read.
+    """
+    held = (group for group in groups if group.split("/")[2] in _CONTAINERS)
+    return count(read_group(store, group, (STEP_ERROR,)) for group in held)
+
+
+def told(found: Count) -> str:
+    """``for 3 of 20 points``; empty where the errors of all are known."""
+    return "for {} of {} points".format(*found) if found[0] else ""
+
+
+def caution(found: Count) -> str:
+    """The same as a sentence with reason and advice."""
+    return f"{NAME} {told(found)}: {ADVICE}" if found[0] else ""
