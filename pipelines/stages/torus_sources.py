@@ -29,6 +29,7 @@ from pipelines.stages.cycle_problem import cycle_problem
 from pipelines.stages.cycle_rows import unphysical
 from pipelines.stages.cycle_start import FirstCycle, NoStart, Watch, first_cycles
 from pipelines.stages.job import Job, Origin
+from pipelines.stages.parameter_columns import parameter_attributes
 from pipelines.stages.torus_rows import torus_shape
 from pipelines.stages.transient_run import unbalance_masses
 
@@ -66,6 +67,7 @@ class TorusSource(Protocol):
 class BornTori:
     """Tori born at the Neimark-Sacker point `event` of `cycles`, which close after `turns` periods."""
 
+    case: Case
     origin: Origin
     cycles: CycleProblem
     event: Event
@@ -80,7 +82,7 @@ class BornTori:
         return {
             "origin": self.origin.as_dict(),
             "turns": self.turns,
-            "fixed": _fixed(self.cycles.parameter, self.event.parameters),
+            "fixed": _fixed(self.case, self.cycles.parameter, self.event.parameters),
         }
 
     def problem(self, steps: int) -> TorusProblem:
@@ -119,7 +121,7 @@ class UnbalancedTori:
         return {
             "unbalance": [[mass.node, mass.moment, mass.phase] for mass in self.masses],
             "turns": 1,
-            "fixed": _fixed(self.cycles.parameter, self.cycles.parameters),
+            "fixed": _fixed(self.case, self.cycles.parameter, self.cycles.parameters),
         }
 
     def problem(self, steps: int) -> TorusProblem:
@@ -194,10 +196,10 @@ class UnbalancedTori:
         return unphysical(shape, self.case.continue_cycles.minimum_film)
 
 
-def _fixed(parameter: str, values: np.ndarray) -> dict[str, float]:
+def _fixed(case: Case, parameter: str, values: np.ndarray) -> dict[str, float | None]:
     """The parameters that a branch does not change."""
-    named = zip(PARAMETERS, values[: len(PARAMETERS)], strict=True)
-    return {name: float(value) for name, value in named if name != parameter}
+    named = parameter_attributes(case, values[: len(PARAMETERS)])
+    return {name: value for name, value in named.items() if name != parameter}
 
 
 def fourier_options(case: Case) -> FourierOptions:
@@ -222,8 +224,9 @@ def forced_cycles(machine: Machine, case: Case) -> tuple[Case, CycleProblem]:
 
 def born_tori(job: Job, origin: Origin, event: Event, turns: int) -> BornTori:
     """The tori of a case at a Neimark-Sacker point."""
-    cycles = turned(forced_cycles(job.machine, job.case.case)[1], turns)
-    return BornTori(origin, cycles, event, turns, fourier_options(job.case.case))
+    case = job.case.case
+    cycles = turned(forced_cycles(job.machine, case)[1], turns)
+    return BornTori(case, origin, cycles, event, turns, fourier_options(case))
 
 
 def unbalanced_tori(job: Job, direction: int) -> UnbalancedTori:
