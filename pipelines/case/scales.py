@@ -167,7 +167,11 @@ class Scales:
     def parameter_values(
         self, excitation: Excitation, operation: Operation
     ) -> tuple[float, float, float, float]:
-        """Values in the order of `PARAMETERS`."""
+        """Values in the order of `PARAMETERS`, NaN for one that the machine does not have.
+
+        Without excitation there need be no excitation frequency. The foil stiffness is that of the first
+        bearing that has a foil; there is none where both are rigid.
+        """
         if operation.speed is not None:
             speed = operation.speed
         else:
@@ -176,9 +180,12 @@ class Scales:
         if excitation.frequency_hz is not None:
             frequency = self.from_hertz(excitation.frequency_hz)
         else:
-            # Without excitation nothing depends on the frequency; 1 keeps the parameter vector finite.
-            frequency = 1.0 if excitation.frequency is None else excitation.frequency
-        return speed, frequency, self.ring_displacement(excitation), self.bearings[0].foil_stiffness
+            frequency = math.nan if excitation.frequency is None else excitation.frequency
+        return speed, frequency, self.ring_displacement(excitation), self._foil_stiffness()
+
+    def _foil_stiffness(self) -> float:
+        stiffnesses = (bearing.foil_stiffness for bearing in self.bearings)
+        return next((value for value in stiffnesses if math.isfinite(value)), math.nan)
 
     def ring_displacement(self, excitation: Excitation) -> float:
         """Largest vertical displacement of the rings over c: as given, or that of the load on the ring."""

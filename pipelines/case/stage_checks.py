@@ -5,6 +5,7 @@ These checks belong to the stage that is asked for: a table never stops a stage 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
@@ -23,6 +24,10 @@ NO_PERIOD = (
     "self-excited cycles"
 )
 NO_EFFECT = "has no effect at displacement 0: nothing depends on the excitation frequency"
+RESTING = (
+    "the cycles are self-excited, and rings that move force their period upon them: give "
+    'excitation.frequency, and continue_cycles.formulation = "stroboscopic"'
+)
 CLOSED = "times the largest of excitation.amplitudes must stay below 1: the ring closes the film"
 
 
@@ -45,9 +50,8 @@ def _nothing(case: Case) -> Iterator[Misfit]:
 
 def _cycles(case: Case) -> Iterator[Misfit]:
     table, at = case.continue_cycles, ("continue_cycles",)
-    self_excited = table.formulation == "autonomous" and _is_passive(case)
     yield from _along(case, table.parameter, table.range, at)
-    if not (self_excited and table.parameter == "speed"):  # which begins at a Hopf point
+    if not (_is_self_excited(case) and table.parameter == "speed"):  # which begins at a Hopf point
         yield from _own_value(case, table.parameter, table.range, table.start, at)
     if _unforced(case) and (table.formulation == "stroboscopic" or table.parameter == "displacement"):
         yield (*at, "formulation"), NO_PERIOD
@@ -59,6 +63,8 @@ def _curves(case: Case) -> Iterator[Misfit]:
         for path, message in _along(case, name, interval, ()):
             key = "parameters" if path == ("parameter",) else "ranges"
             yield ("track_curves", key, index), message
+        if name == "displacement" and _is_self_excited(case):
+            yield ("track_curves", "parameters", index), RESTING
     if _unforced(case) and case.continue_cycles.formulation == "stroboscopic":
         yield ("continue_cycles", "formulation"), NO_PERIOD
 
@@ -113,7 +119,7 @@ def _own_value(
     """Whether a branch that has no ``start`` can begin at the case's own value."""
     low, high = interval
     value = case.parameters[PARAMETERS.index(name)]
-    if start is None and not low <= value <= high:
+    if start is None and not math.isnan(value) and not low <= value <= high:
         yield (
             (*at, "range"),
             f"[{low:g}, {high:g}] does not contain the case's own {name} = {value:.6g}, where the branch "
@@ -123,6 +129,11 @@ def _own_value(
 
 def _is_passive(case: Case) -> bool:
     return case.scales.ring_displacement(case.excitation) == 0.0
+
+
+def _is_self_excited(case: Case) -> bool:
+    table = case.continue_cycles
+    return table.formulation == "autonomous" and _is_passive(case) and table.parameter != "displacement"
 
 
 def _unforced(case: Case) -> bool:

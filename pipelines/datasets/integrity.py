@@ -55,8 +55,9 @@ def verify(store: Store | Path | str) -> list[Finding]:
         except StoreError as error:
             findings.append(_finding(error))
             continue
+        absent = _absent_parameters(groups, group)
         for array in groups[group].arrays.values():
-            findings += _check_chunks(opened, group, groups[group], array)
+            findings += _check_chunks(opened, group, groups[group], array, absent)
         findings += _check_capacities(groups[group])
     findings = [*_stray(opened.path, groups, [each.path for each in findings]), *findings]
     findings += _missing_cases(opened, groups)
@@ -151,7 +152,16 @@ def _references(attributes: Mapping[str, Any]) -> Iterator[tuple[str, str, str, 
         yield "run", str(attributes["source"]), "n_points", None
 
 
-def _check_chunks(store: Store, group: str, metadata: GroupMetadata, array: ArrayLayout) -> list[Finding]:
+def _absent_parameters(groups: Mapping[str, GroupMetadata], group: str) -> frozenset[str]:
+    """Parameters that the machine of the group's case does not have: no number stands in its rows."""
+    case = groups.get("/".join(group.split("/")[:2]))
+    parameters = {} if case is None else case.attributes.get("parameters", {})
+    return frozenset(name for name, value in parameters.items() if value is None)
+
+
+def _check_chunks(
+    store: Store, group: str, metadata: GroupMetadata, array: ArrayLayout, absent: frozenset[str]
+) -> list[Finding]:
     findings: list[Finding] = []
     rows = committed_rows(metadata, array)
     if 0 in array.shape:
@@ -163,8 +173,8 @@ def _check_chunks(store: Store, group: str, metadata: GroupMetadata, array: Arra
         except StoreError as error:
             findings.append(_finding(error))
             continue
-        row = KINDS[metadata.kind].row
-        if array.role == "row" and array.spec.name in (*KINDS[metadata.kind].coordinates, row):
+        spec = KINDS[metadata.kind]
+        if array.role == "row" and array.spec.name in {*spec.coordinates, spec.row} - absent:
             findings += _check_written(metadata, array, content, first)
     return findings
 

@@ -109,12 +109,13 @@ def _flag(name: str, dimensions: str, long_name: str, *meanings: str) -> ArraySp
 OWN = "over the bearing's own clearance"
 FIRST = "over the clearance c of the first bearing"
 RING = f"{OWN} (where the excitation is a load: {FIRST})"
-FOIL = "k c / p0 of the first bearing that has a foil; 1 stands for it where none has one"
+NONE = "; none (NaN) where the machine has none"
+FOIL = f"k c / p0 of the first bearing that has a foil{NONE}"
 ROTOR = f"{FIRST}, slopes over its c / L"
 
 PARAMETERS_OF_A_POINT = (
     _real("speed", "point", "rotating speed, dimensionless"),
-    _real("excitation_frequency", "point", "excitation frequency of the ring, dimensionless"),
+    _real("excitation_frequency", "point", f"excitation frequency of the ring, dimensionless{NONE}"),
     _real("displacement", "point", f"largest vertical displacement of the ring {RING}"),
     _real("foil_stiffness", "point", f"foil stiffness {FOIL}"),
 )
@@ -358,9 +359,9 @@ CYCLES = GroupSpec(
         ),
         _count("event_after_point", "event", "index of the last point before the event"),
         _real("event_speed", "event", "rotating speed at the event"),
-        _real("event_excitation_frequency", "event", "excitation frequency at the event"),
+        _real("event_excitation_frequency", "event", f"excitation frequency at the event{NONE}"),
         _real("event_displacement", "event", "ring displacement at the event"),
-        _real("event_foil_stiffness", "event", "foil stiffness at the event"),
+        _real("event_foil_stiffness", "event", f"foil stiffness at the event, {FOIL}"),
         _real("event_period", "event", "period at the event"),
         _real("event_state", "event component", "state at the event"),
         _complex(
@@ -526,9 +527,9 @@ CURVE = GroupSpec(
         ),
         _count("event_after_point", "event", "index of the last point before the special point"),
         _real("event_speed", "event", "rotating speed at the special point"),
-        _real("event_excitation_frequency", "event", "excitation frequency at the special point"),
+        _real("event_excitation_frequency", "event", f"excitation frequency at the special point{NONE}"),
         _real("event_displacement", "event", "ring displacement at the special point"),
-        _real("event_foil_stiffness", "event", "foil stiffness at the special point"),
+        _real("event_foil_stiffness", "event", f"foil stiffness at the special point, {FOIL}"),
         _real("event_period", "event", "period at the special point"),
         _real("event_state", "event component", "state at the special point"),
         _complex(
@@ -578,7 +579,11 @@ REFINEMENT = GroupSpec(
         _flag("bifurcation", "refined", "bifurcation", "fold", "period_doubling", "neimark_sacker"),
         _count("turns", "refined", "excitation periods of the cycle"),
         _real("speed", "refined", "rotating speed of the stored point, dimensionless"),
-        _real("excitation_frequency", "refined", "excitation frequency of the stored point, dimensionless"),
+        _real(
+            "excitation_frequency",
+            "refined",
+            f"excitation frequency of the stored point, dimensionless{NONE}",
+        ),
         _real("displacement", "refined", f"ring displacement of the stored point {RING}"),
         _real("foil_stiffness", "refined", f"foil stiffness of the stored point {FOIL}"),
         _flag("held", "refined", "parameter that all grids share", *PARAMETERS),

@@ -39,7 +39,8 @@ def comparable(run: RunView, branches: Sequence[Table]) -> list[Table]:
     """Branches along the speed, of doubled cycles too, whose other parameters are those of the run while its
     rings move.
     """
-    _, frequency, displacement, stiffness = run.run.attributes["parameters"]
+    # None: the machine has no such parameter, which the branches hold as NaN
+    _, frequency, displacement, stiffness = np.array(run.run.attributes["parameters"], dtype=float)
     own = {"excitation_frequency": frequency, "displacement": displacement, "foil_stiffness": stiffness}
     moves = run.excitation_frequency is not None
     if not moves:
@@ -50,7 +51,8 @@ def comparable(run: RunView, branches: Sequence[Table]) -> list[Table]:
         if branch.attributes.get("parameter") == "speed"
         and len(branch["speed"])
         and all(
-            np.allclose(branch[name], value, rtol=SAME_PARAMETER, atol=0.0) for name, value in own.items()
+            np.allclose(branch[name], value, rtol=SAME_PARAMETER, atol=0.0, equal_nan=True)
+            for name, value in own.items()
         )
     ]
 

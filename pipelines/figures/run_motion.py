@@ -183,7 +183,7 @@ def draw_modal_energy(case: CaseView, run: RunView) -> Figure:
         axes.set_ylim(*_decades(energy[:, shown]))
         add_right(axes, float(run.analysis.attributes["energy_joules"]), f"{label} [J]")
     panels[0].set_xlim(*limits(along, 0.01))
-    panels[0].set_title(r"means over windows, in units of $p_0 R L_b c$")
+    panels[0].set_title(r"means over windows, in units of $p_0 R L_b c$ of bearing 1")
     label_along(panels[0], run.over_speed, case.scales, bottom=False)
     label_along(panels[-1], run.over_speed, case.scales, top=False)
     handles = [

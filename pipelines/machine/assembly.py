@@ -180,16 +180,16 @@ def ring_ratio(case: Case) -> float:
 
 
 def parameter_vector(case: Case) -> Array:
-    """Speed, excitation frequency, ring displacement and foil stiffness of a case, dimensionless.
+    """Speed, excitation frequency, ring displacement and foil stiffness of a case, dimensionless."""
+    return with_stand_ins(case.parameters)
 
-    A machine of two rigid bearings has no foil stiffness; 1 stands for it then and has no effect.
+
+def with_stand_ins(parameters: Sequence[float | None]) -> Array:
+    """Parameters as the equations take them: 1 stands for one that the machine does not have (NaN or None),
+    and has no effect.
     """
-    scales = case.scales
-    values = np.array(case.parameters)
-    if np.isinf(values[film.FOIL_STIFFNESS]):
-        other = scales.bearings[1].foil_stiffness
-        values[film.FOIL_STIFFNESS] = 1.0 if np.isinf(other) else other
-    return values
+    values = np.array(parameters, dtype=float)
+    return np.where(np.isnan(values), 1.0, values)
 
 
 def build_machine(case: Case) -> Machine:

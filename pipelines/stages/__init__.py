@@ -2,6 +2,7 @@
 
 - results: what a stage tells while it runs and when it ends
 - job: a case with its machine and its store
+- parameter_columns: parameters of a solution as columns, and back
 - step_errors: points whose error by the time steps is unknown
 - linear: `agfb linearize` and `agfb criticals`
 - cycles: `agfb continue-cycles`: branches of cycles

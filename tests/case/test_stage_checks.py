@@ -70,6 +70,22 @@ def test_a_period_is_not_invented(text: str) -> None:
     assert "continue_cycles" not in found, "the period of a whirl is its own"
 
 
+def test_rings_that_move_are_no_parameter_of_self_excited_cycles(text: str) -> None:
+    words = (
+        "excitation.displacement=0.0",
+        "continue_cycles.formulation=autonomous",
+        "track_curves.parameters=['speed', 'displacement']",
+        "track_curves.ranges=[[0.2, 1.4], [0, 0.4]]",
+    )
+    found = refused(text, *words)
+    assert set(found) == {*CURVES, "continue_tori"}
+    (problem,) = found["track_ns"]
+    assert problem.key == "track_curves.parameters.1"
+    assert "self-excited" in problem.message
+    forced = refused(text, *words, "continue_cycles.parameter=displacement", "continue_cycles.range=[0, 0.4]")
+    assert not CURVES & set(forced)
+
+
 def test_a_whirl_begins_at_its_hopf_point_not_at_the_operating_speed(text: str) -> None:
     words = ("excitation.displacement=0.0", "continue_cycles.formulation=autonomous", "operation.speed=3.0")
     assert "continue_cycles" not in refused(text, *words)

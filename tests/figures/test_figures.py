@@ -335,19 +335,3 @@ def test_speeds_without_equilibrium_are_a_gap_in_the_linearization(view, linear)
     assert len(panels) == 7
     for axes in panels:
         assert shaded(axes) == [pytest.approx((linear["speed"][2], linear["speed"][5]))]
-def test_each_bearing_is_measured_by_its_own_clearance(view, branch):
-    arrays = view.machine.arrays | {"bearing_clearance": np.array([20e-6, 50e-6])}
-    other = replace(view, machine=Table(arrays, view.machine.attributes))
-    for bearing, ratio in enumerate((1.0, 2.5)):
-        x, y = other.journal_coordinates(bearing)
-        figure = draw_orbits(other, "speed", branch, "b000")
-        whole, film = figure.axes[3 * bearing], figure.axes[3 * bearing + 2]
-        line = next(each for each in whole.get_lines() if len(each.get_xdata()) > 10)
-        expected = branch["orbit"][representative_points(branch)[0]][:, [x, y]] / ratio
-        np.testing.assert_allclose(line.get_xydata()[:-1], expected)
-        (twin,) = film.child_axes
-        np.testing.assert_allclose(twin.get_ylim()[1] / film.get_ylim()[1], 20.0 * ratio)
-    for axes in draw_bifurcation_diagram(other, "speed", [branch]).axes:
-        twins = [t for t in axes.child_axes if "bearing" in t.get_ylabel()]
-        factors = [t.get_ylim()[1] / axes.get_ylim()[1] for t in twins]
-        np.testing.assert_allclose(factors, [20.0, 50.0])

@@ -99,7 +99,7 @@ def test_cycles_of_half_the_period_are_on_no_doubled_branch(doubled: Path) -> No
             2 * int(parent["steps_per_period"][-1]),
         )
         orbit = None if before is None else rows["orbit"][before]
-        recorder = BranchRecorder(machine, None, 0.01, lambda *_: None, 2, orbit)  # type: ignore[arg-type]
+        recorder = BranchRecorder(machine, None, case, lambda *_: None, 2, orbit)  # type: ignore[arg-type]
         cycle = SimpleNamespace(image=image, parameters=parameters)
         return recorder.limit(SimpleNamespace(cycle=cycle))  # type: ignore[arg-type]
 

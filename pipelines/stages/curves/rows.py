@@ -14,12 +14,12 @@ from pipelines.bifurcations.curves.stored_curves import TracedCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveProblem
 from pipelines.case.models import Case
-from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
+from pipelines.stages.parameter_columns import parameter_columns, stored_parameters
 
 Array = NDArray[np.float64]
 
@@ -65,11 +65,11 @@ class CurveRecorder:
         machine: Machine,
         problem: CurveProblem,
         curve: Branch,
-        thinnest: float,
+        case: Case,
         told: Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None],
     ) -> None:
         self._machine, self._problem, self._curve = machine, problem, curve
-        self._thinnest, self._told = thinnest, told
+        self._case, self._told = case, told
         self._shape: CycleShape | None = None
 
     def limit(self, point: CurvePoint) -> str | None:
@@ -77,24 +77,27 @@ class CurveRecorder:
         cycle = point.cycle
         turns = self._problem.period_map.turns
         self._shape = cycle_shape(self._machine, cycle.image.orbit, cycle.parameters, turns, snapshots=0)
-        return unphysical(self._shape, self._thinnest)
+        return unphysical(self._shape, self._case.continue_cycles.minimum_film)
 
     def record(self, point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
         """Commit the point ``limit`` has just passed, with the special points that lead to it."""
         assert self._shape is not None
-        rows = [special_row(special, state.index - 1) for special in specials]
-        rows += [_unlocated_row(kind, point, state.index - 1) for kind in point.unlocated]
+        case, after = self._case, state.index - 1
+        rows = [special_row(case, special, after) for special in specials]
+        rows += [_unlocated_row(case, kind, point, after) for kind in point.unlocated]
         autonomous = self._problem.period_map.autonomous
-        self._curve.commit(point_row(point, state, self._shape, autonomous), _slots(state), rows)
+        self._curve.commit(point_row(case, point, state, self._shape, autonomous), _slots(state), rows)
         self._told(point, state, specials)
 
 
-def point_row(point: CurvePoint, state: CurveState, shape: CycleShape, autonomous: bool) -> dict[str, Any]:
-    """One row of a group of kind ``curve``."""
+def point_row(
+    case: Case, point: CurvePoint, state: CurveState, shape: CycleShape, autonomous: bool
+) -> dict[str, Any]:
+    """One row of a group of kind ``curve`` of a case."""
     spectrum, form = point.cycle.spectrum, point.normal_form
     others = other_multipliers(point.kind, spectrum.multipliers, point.kappa, autonomous)
     return {
-        **dict(zip(PARAMETERS, point.cycle.parameters, strict=True)),
+        **parameter_columns(case, point.cycle.parameters),
         "period": state.period,
         "state": state.state,
         "parameter_tangent": state.tangent_parameters,
@@ -145,24 +148,25 @@ def _slots(state: CurveState) -> dict[str, Any]:
     }
 
 
-def special_row(special: SpecialPoint, after_point: int) -> dict[str, Any]:
+def special_row(case: Case, special: SpecialPoint, after_point: int) -> dict[str, Any]:
     """One located special point."""
     return _event_row(
-        special.kind, special.parameters, special.state, special.period, special.multipliers, after_point,
-        angle=float(np.arccos(np.clip(special.kappa, -1.0, 1.0))), residual=special.residual,
+        case, special.kind, special.parameters, special.state, special.period, special.multipliers,
+        after_point, angle=float(np.arccos(np.clip(special.kappa, -1.0, 1.0))), residual=special.residual,
     )  # fmt: skip
 
 
-def _unlocated_row(kind: SpecialKind, point: CurvePoint, after_point: int) -> dict[str, Any]:
+def _unlocated_row(case: Case, kind: SpecialKind, point: CurvePoint, after_point: int) -> dict[str, Any]:
     """A special point that was detected before a point but not located: the point's own values."""
     cycle = point.cycle
     return _event_row(
-        kind, cycle.parameters, cycle.unknowns.state, cycle.unknowns.period, cycle.spectrum.multipliers,
+        case, kind, cycle.parameters, cycle.unknowns.state, cycle.unknowns.period, cycle.spectrum.multipliers,
         after_point, angle=point.angle, residual=np.nan,
     )  # fmt: skip
 
 
 def _event_row(
+    case: Case,
     kind: SpecialKind,
     parameters: Array,
     state: Array,
@@ -176,7 +180,7 @@ def _event_row(
     return {
         "event_kind": np.int8([flag.lower() for flag in flags].index(kind.name.lower())),
         "event_after_point": after_point,
-        **{f"event_{name}": value for name, value in zip(PARAMETERS, parameters, strict=True)},
+        **parameter_columns(case, parameters, "event_"),
         "event_period": period,
         "event_state": state,
         "event_multipliers": multipliers,
@@ -192,7 +196,7 @@ def stored_special(curve: Group, index: int) -> SpecialPoint:
     multipliers = arrays["event_multipliers"][index]
     return SpecialPoint(
         kind=SpecialKind[name.upper()],
-        parameters=np.array([arrays[f"event_{parameter}"][index] for parameter in PARAMETERS]),
+        parameters=stored_parameters(arrays, index, "event_"),
         state=np.array(arrays["event_state"][index]),
         period=float(arrays["event_period"][index]),
         multipliers=multipliers[np.isfinite(multipliers)],

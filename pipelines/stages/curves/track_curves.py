@@ -158,8 +158,7 @@ def _follow(
     if case.track_curves.normal_forms:
         smooth = smooth_maps(case, problem.period_map, case.track_curves.normal_form_widths)
         problem = replace(problem, smooth_maps=smooth)
-    thinnest = case.continue_cycles.minimum_film
-    recorder = CurveRecorder(job.machine, problem, curve, thinnest, _teller(job, start, group))
+    recorder = CurveRecorder(job.machine, problem, curve, case, _teller(job, start, group))
     newest, names = curve.resume_row(), problem.names
     begin: CurveStart | CurveState = start.guess
     own: TracedCurve | None = None

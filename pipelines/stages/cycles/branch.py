@@ -90,9 +90,7 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
     table = request.case.continue_cycles
     newest = branch.resume_row()
     before = None if newest is None else newest.row["orbit"]
-    recorder = BranchRecorder(
-        job.machine, branch, table.minimum_film, _teller(job, request), request.turns, before
-    )
+    recorder = BranchRecorder(job.machine, branch, request.case, _teller(job, request), request.turns, before)
 
     def run(start: BranchStart | BranchState, towards: int) -> BranchResult:
         options = continuation_options(request.case, towards)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pipelines.bifurcations.branch import BranchPoint, BranchState
 from pipelines.bifurcations.detection import Event, EventKind, Resonance
 from pipelines.case.models import Case
-from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
@@ -19,6 +18,7 @@ from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.stages.job import coordinates
+from pipelines.stages.parameter_columns import parameter_columns, stored_parameters
 
 Array = NDArray[np.float64]
 
@@ -77,12 +77,12 @@ class BranchRecorder:
         self,
         machine: Machine,
         branch: Branch,
-        thinnest: float,
+        case: Case,
         told: Callable[[BranchPoint, BranchState, tuple[Event, ...]], None],
         turns: int = 1,
         before: Array | None = None,
     ) -> None:
-        self._machine, self._branch, self._thinnest, self._told = machine, branch, thinnest, told
+        self._machine, self._branch, self._case, self._told = machine, branch, case, told
         self._turns, self._before = turns, before
         self._shape: CycleShape | None = None
 
@@ -94,7 +94,7 @@ class BranchRecorder:
         )
         if self._turns > 1 and (message := self._undoubled(_halves_apart(self._shape.orbit))) is not None:
             return message
-        return unphysical(self._shape, self._thinnest)
+        return unphysical(self._shape, self._case.continue_cycles.minimum_film)
 
     def _undoubled(self, apart: Array) -> str | None:
         """A sentence if cycles whose halves are so far apart are no longer, or never were, doubled ones."""
@@ -112,10 +112,11 @@ class BranchRecorder:
         """Commit the point ``limit`` has just passed, with the events that lead to it."""
         assert self._shape is not None
         self._before = self._shape.orbit
-        rows = [event_row(event, state.index - 1) for event in events]
-        rows += [unlocated_row(kind, point, state.index - 1) for kind in point.unlocated]
+        case, after = self._case, state.index - 1
+        rows = [event_row(case, event, after) for event in events]
+        rows += [unlocated_row(case, kind, point, after) for kind in point.unlocated]
         slots = {"basis": state.basis, "basis_columns": state.basis.shape[1]}
-        self._branch.commit(point_row(point, state, self._shape), slots, rows)
+        self._branch.commit(point_row(case, point, state, self._shape), slots, rows)
         self._told(point, state, events)
 
 
@@ -124,11 +125,11 @@ def _halves_apart(orbit: Array) -> Array:
     return np.asarray(orbit[0] - orbit[len(orbit) // 2])
 
 
-def point_row(point: BranchPoint, state: BranchState, shape: CycleShape) -> dict[str, Any]:
-    """One row of the group ``cycles``."""
+def point_row(case: Case, point: BranchPoint, state: BranchState, shape: CycleShape) -> dict[str, Any]:
+    """One row of the group ``cycles`` of a case."""
     spectrum = point.cycle.spectrum
     return {
-        **dict(zip(PARAMETERS, point.cycle.parameters, strict=True)),
+        **parameter_columns(case, point.cycle.parameters),
         "period": state.period,
         "state": state.state,
         "tangent": np.concatenate([state.tangent_state, [state.tangent_period, state.tangent_parameter]]),
@@ -156,13 +157,13 @@ def point_row(point: BranchPoint, state: BranchState, shape: CycleShape) -> dict
     }
 
 
-def event_row(event: Event, after_point: int) -> dict[str, Any]:
+def event_row(case: Case, event: Event, after_point: int) -> dict[str, Any]:
     """One located bifurcation."""
     cycles = KINDS["cycles"]
     return {
         "event_kind": np.int8(cycles.array("event_kind").flag(event.kind.name.lower())),
         "event_after_point": after_point,
-        **{f"event_{name}": value for name, value in zip(PARAMETERS, event.parameters, strict=True)},
+        **parameter_columns(case, event.parameters, "event_"),
         "event_period": event.period,
         "event_state": event.state,
         "event_multipliers": event.multipliers,
@@ -177,13 +178,13 @@ def _resonance_name(event: Event) -> str:
     return "none" if event.resonance.value == 0 else event.resonance.name
 
 
-def unlocated_row(kind: EventKind, point: BranchPoint, after_point: int) -> dict[str, Any]:
+def unlocated_row(case: Case, kind: EventKind, point: BranchPoint, after_point: int) -> dict[str, Any]:
     """A bifurcation that was detected before a point but not located: the point's own values, no residual."""
     cycles, unknowns = KINDS["cycles"], point.cycle.unknowns
     return {
         "event_kind": np.int8(cycles.array("event_kind").flag(kind.name.lower())),
         "event_after_point": after_point,
-        **{f"event_{name}": value for name, value in zip(PARAMETERS, point.cycle.parameters, strict=True)},
+        **parameter_columns(case, point.cycle.parameters, "event_"),
         "event_period": unknowns.period,
         "event_state": unknowns.state,
         "event_multipliers": point.cycle.spectrum.multipliers,
@@ -204,7 +205,7 @@ def stored_event(branch: Group, index: int) -> Event:
     after = min(int(arrays["event_after_point"][index]) + 1, branch.n_points - 1)
     return Event(
         kind=EventKind[name.upper()],
-        parameters=np.array([arrays[f"event_{parameter}"][index] for parameter in PARAMETERS]),
+        parameters=stored_parameters(arrays, index, "event_"),
         state=np.array(arrays["event_state"][index]),
         period=float(arrays["event_period"][index]),
         multipliers=multipliers,

@@ -15,6 +15,7 @@ from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store
+from pipelines.stages.parameter_columns import stored_parameters
 
 Array = NDArray[np.float64]
 
@@ -133,7 +134,7 @@ def _events(group: Group) -> Iterator[StoredPoint]:
         behind = min(int(group["event_after_point"][index]) + 1, len(steps) - 1)
         yield StoredPoint(
             source, number, index, kind, int(group.attributes.get("turns", 1)),
-            np.array([group[f"event_{name}"][index] for name in PARAMETERS]),
+            stored_parameters(group.arrays, index, "event_"),
             group["event_state"][index], float(group["event_period"][index]),
             _angle(kind, float(group["event_angle"][index])), int(steps[behind]), held, free,
         )  # fmt: skip
@@ -156,7 +157,7 @@ def _curve_points(group: Group, per_curve: int) -> Iterator[StoredPoint]:
         held, free = (second, first) if vertical else (first, second)
         yield StoredPoint(
             source, number, row, kind, int(group.attributes.get("turns", 1)),
-            np.array([group[name][row] for name in PARAMETERS]), group["state"][row],
+            stored_parameters(group.arrays, row), group["state"][row],
             float(group["period"][row]), _angle(kind, float(group["angle"][row])),
             int(group["steps_per_period"][row]), str(held), str(free),
         )  # fmt: skip

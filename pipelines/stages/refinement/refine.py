@@ -20,6 +20,7 @@ from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, open_for_writing
 from pipelines.machine.assembly import build_machine
+from pipelines.stages.parameter_columns import parameter_columns
 from pipelines.stages.refinement.levels import (
     BOUND,
     FORMAL_ORDERS,
@@ -102,13 +103,13 @@ def _fill(
             return
         found = refine_point(source, levels, point)
         known = estimate(point.value, grids, found, order)
-        branch.commit(_row(point, found, known))
+        branch.commit(_row(case.case, point, found, known))
         message = _message(point, found, known)
         report(Progress("refine", case.case_id, branch.n_points, total, message))
     branch.finish(FINISHED)
 
 
-def _row(point: StoredPoint, found: Refinement, known: ErrorEstimate) -> dict[str, Any]:
+def _row(case: Case, point: StoredPoint, found: Refinement, known: ErrorEstimate) -> dict[str, Any]:
     """One row of the group."""
     kind = KINDS["refinement"].array("bifurcation").flag(point.kind.name.lower())
     return {
@@ -117,7 +118,7 @@ def _row(point: StoredPoint, found: Refinement, known: ErrorEstimate) -> dict[st
         "source_index": point.index,
         "bifurcation": np.int8(kind),
         "turns": point.turns,
-        **dict(zip(PARAMETERS, point.parameters, strict=True)),
+        **parameter_columns(case, point.parameters),
         "held": np.int8(PARAMETERS.index(point.held)),
         "free": np.int8(PARAMETERS.index(point.free)),
         "value": point.value,

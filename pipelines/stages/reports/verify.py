@@ -23,12 +23,12 @@ from pipelines.datasets.errors import CorruptedError, StoreError
 from pipelines.datasets.integrity import Finding
 from pipelines.datasets.integrity import verify as verify_files
 from pipelines.datasets.reading import list_cases, list_groups, read_group
-from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, open_for_reading
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest
 from pipelines.stages.cycles.problem import cycle_problem
+from pipelines.stages.parameter_columns import stored_parameters
 
 _SLACK = 10.0  # times the tolerance: another processor rounds differently along a period
 _ADVICE = "Its arrays do not belong together: remove the folder {path} and run the same command again"
@@ -118,16 +118,12 @@ def _cycles(store: Store, group: str, case: Case, machine: Machine, sample: int)
     turns = int(rows.attributes.get("turns", 1))
     period_map = with_multiplied_period(cycle_problem(machine, case), turns).period_map
     for row in _spread(np.arange(rows.n_points), sample):
-        state, parameters = rows["state"][row], _parameters(rows, row)
+        state, parameters = rows["state"][row], stored_parameters(rows.arrays, row)
         steps = int(rows["steps_per_period"][row])
         image = period_map.evaluate(state, parameters, float(rows["period"][row]), steps)
         scale = max(1.0, float(np.max(np.abs(state))))
         mismatch = float(np.max(np.abs(image.state - state))) / scale
         yield Checked(group, row, mismatch, _SLACK * case.numerics.newton_tolerance)
-
-
-def _parameters(rows: Group, row: int) -> np.ndarray:
-    return np.array([float(rows[name][row]) for name in PARAMETERS])
 
 
 def _spread(rows: np.ndarray, count: int) -> list[int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,11 @@ import numpy as np
 
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
-from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.provenance import provenance
 from pipelines.datasets.store import create_store, open_for_writing
 from pipelines.machine.assembly import parameter_vector
+from pipelines.stages.parameter_columns import parameter_attributes
 
 
 def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequence[str]) -> None:
@@ -38,14 +37,12 @@ def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequ
 
 
 def case_attributes(named: NamedCase) -> dict[str, Any]:
-    """Name, origin, parameters at the start and scales, as JSON values; an infinite one is None."""
+    """Name, origin, parameters at the start and scales, as JSON values; what the machine lacks is None."""
     scales = named.case.scales
-    values = dict(zip(PARAMETERS, (float(value) for value in parameter_vector(named.case)), strict=True))
-    values["foil_stiffness"] = scales.bearings[0].foil_stiffness  # the vector has a stand-in for infinity
     return {
         "name": named.case_id,
         "reconstruction": named.case.note,
-        "parameters": {name: value if math.isfinite(value) else None for name, value in values.items()},
+        "parameters": parameter_attributes(named.case, parameter_vector(named.case)),
         "scales": {
             "time": scales.time,
             "displacement": scales.displacement,

@@ -86,8 +86,7 @@ def _run(
         return TorusResult(TorusStop.START_FAILED, None, where)
     circle = problem.circle
     assert isinstance(circle, PeriodCircle)
-    thinnest = job.case.case.continue_cycles.minimum_film
-    recorder = TorusRecorder(job.machine, circle, branch, thinnest, _teller(job, group))
+    recorder = TorusRecorder(job.machine, circle, branch, job.case.case, _teller(job, group))
     return continue_torus(problem, start, options, recorder.record, recorder.limit, job.should_stop)
 
 

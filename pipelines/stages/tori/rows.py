@@ -22,6 +22,7 @@ from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.stages.job import coordinates
+from pipelines.stages.parameter_columns import parameter_columns
 
 Array = NDArray[np.float64]
 
@@ -148,33 +149,34 @@ class TorusRecorder:
         machine: Machine,
         circle: PeriodCircle,
         branch: Branch,
-        thinnest: float,
+        case: Case,
         told: Callable[[TorusPoint, TorusState], None],
     ) -> None:
         self._machine, self._circle, self._branch = machine, circle, branch
-        self._thinnest, self._told = thinnest, told
+        self._case, self._told = case, told
         self._shape: TorusShape | None = None
 
     def limit(self, point: TorusPoint) -> str | None:
         """A sentence if the torus is not physical: a film too thin, or a pressure below vacuum."""
         self._shape = torus_shape(self._machine, self._circle, point.torus.unknowns)
-        return unphysical(self._shape.orbits, self._thinnest)
+        return unphysical(self._shape.orbits, self._case.continue_cycles.minimum_film)
 
     def record(self, point: TorusPoint, state: TorusState) -> None:
         """Commit the torus that ``limit`` has just passed."""
         assert self._shape is not None
-        self._branch.commit(point_row(self._circle, point, state, self._shape), _slots(state))
+        row = point_row(self._case, self._circle, point, state, self._shape)
+        self._branch.commit(row, _slots(state))
         self._told(point, state)
 
 
 def point_row(
-    circle: PeriodCircle, point: TorusPoint, state: TorusState, shape: TorusShape
+    case: Case, circle: PeriodCircle, point: TorusPoint, state: TorusState, shape: TorusShape
 ) -> dict[str, Any]:
-    """One row of the group ``tori``."""
+    """One row of the group ``tori`` of a case."""
     parameters, at = circle.parameters_at(state.parameter), point.torus.unknowns
     scale = max(1.0, float(np.max(np.abs(at.states))))
     return {
-        **dict(zip(PARAMETERS, parameters[: len(PARAMETERS)], strict=True)),
+        **parameter_columns(case, parameters[: len(PARAMETERS)]),
         "period": circle.period_map.period(parameters),
         "rotation": state.rotation,
         "whirl_frequency": shape.whirl_frequency,

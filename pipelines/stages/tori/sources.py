@@ -29,6 +29,7 @@ from pipelines.orbits.time_runs.unbalanced_map import UNBALANCED_PARAMETERS, unb
 from pipelines.stages.cycles.problem import cycle_problem
 from pipelines.stages.cycles.start import FirstCycle, NoStart, Watch, first_cycles
 from pipelines.stages.job import Job, Origin
+from pipelines.stages.parameter_columns import parameter_attributes
 from pipelines.stages.tori.rows import torus_shape
 
 BORN_AMPLITUDES = (1.0, 0.25, 4.0)  # of the first torus at a Neimark-Sacker point, in units of `amplitude`
@@ -65,6 +66,7 @@ class TorusSource(Protocol):
 class BornTori:
     """Tori born at the Neimark-Sacker point `event` of `cycles`, which close after `turns` periods."""
 
+    case: Case
     origin: Origin
     cycles: CycleProblem
     event: Event
@@ -79,7 +81,7 @@ class BornTori:
         return {
             "origin": self.origin.as_dict(),
             "turns": self.turns,
-            "fixed": _fixed(self.cycles.parameter, self.event.parameters),
+            "fixed": _fixed(self.case, self.cycles.parameter, self.event.parameters),
         }
 
     def problem(self, steps: int) -> TorusProblem:
@@ -118,7 +120,7 @@ class UnbalancedTori:
         return {
             "unbalance": [[mass.node, mass.moment, mass.phase] for mass in self.masses],
             "turns": 1,
-            "fixed": _fixed(self.cycles.parameter, self.cycles.parameters),
+            "fixed": _fixed(self.case, self.cycles.parameter, self.cycles.parameters),
         }
 
     def problem(self, steps: int) -> TorusProblem:
@@ -193,10 +195,10 @@ class UnbalancedTori:
         return unphysical(shape, self.case.continue_cycles.minimum_film)
 
 
-def _fixed(parameter: str, values: np.ndarray) -> dict[str, float]:
+def _fixed(case: Case, parameter: str, values: np.ndarray) -> dict[str, float | None]:
     """The parameters that a branch does not change."""
-    named = zip(PARAMETERS, values[: len(PARAMETERS)], strict=True)
-    return {name: float(value) for name, value in named if name != parameter}
+    named = parameter_attributes(case, values[: len(PARAMETERS)])
+    return {name: value for name, value in named.items() if name != parameter}
 
 
 def fourier_options(case: Case) -> FourierOptions:
@@ -221,8 +223,9 @@ def forced_cycles(machine: Machine, case: Case) -> tuple[Case, CycleProblem]:
 
 def born_tori(job: Job, origin: Origin, event: Event, turns: int) -> BornTori:
     """The tori of a case at a Neimark-Sacker point."""
-    cycles = with_multiplied_period(forced_cycles(job.machine, job.case.case)[1], turns)
-    return BornTori(origin, cycles, event, turns, fourier_options(job.case.case))
+    case = job.case.case
+    cycles = with_multiplied_period(forced_cycles(job.machine, case)[1], turns)
+    return BornTori(case, origin, cycles, event, turns, fourier_options(case))
 
 
 def unbalanced_tori(job: Job, direction: int) -> UnbalancedTori:

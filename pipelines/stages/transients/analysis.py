@@ -15,7 +15,7 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.schema import TRANSIENT_ANALYSIS
 from pipelines.datasets.store import Store
 from pipelines.machine import film
-from pipelines.machine.assembly import Machine
+from pipelines.machine.assembly import Machine, with_stand_ins
 from pipelines.orbits.time_runs.classification import RETURNS, Classification, classify
 from pipelines.orbits.time_runs.envelope import windowed_envelope, windowed_mean
 from pipelines.orbits.time_runs.modal_energy import modal_energy, rotor_modes, sampled_velocity
@@ -112,7 +112,7 @@ def samples_of(run: Group) -> Samples:
     """The samples of a group of kind ``transient``."""
     attributes = run.attributes
     interval = attributes["reference_period"] / attributes["request"]["transient"]["samples_per_period"]
-    frequency = attributes["parameters"][film.EXCITATION_FREQUENCY]
+    frequency = with_stand_ins(attributes["parameters"])[film.EXCITATION_FREQUENCY]
     speed, displacement = run["speed"], run["ring_displacement"]
     steady = np.maximum(np.abs(speed - speed[-1]) / speed[-1], np.abs(displacement - displacement[-1]))
     changing = np.flatnonzero(steady > _SAME)

@@ -18,7 +18,7 @@ from pipelines.datasets.layout import LARGEST_ROWS
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.store import Store
 from pipelines.machine import film
-from pipelines.machine.assembly import Machine, build_machine, parameter_vector
+from pipelines.machine.assembly import Machine, build_machine, parameter_vector, with_stand_ins
 from pipelines.machine.extremes import FILM, LOW_PRESSURE, OBSERVED, machine_extremes
 from pipelines.machine.rates import BEARINGS
 from pipelines.machine.unbalance import UnbalanceMass, unbalance_acceleration, unbalance_masses
@@ -26,6 +26,7 @@ from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.time_runs.drive import Drive, Switching, make_drive
 from pipelines.orbits.time_runs.transient import DrivenSystem, Plan, choose_steps, trial_end
+from pipelines.stages.parameter_columns import parameter_attributes
 from pipelines.stages.transients.start import CannotRunError, StartState, start_state
 
 Array = NDArray[np.float64]
@@ -75,7 +76,7 @@ def prepare_run(named: NamedCase, store: Store | None) -> Run:
         attributes = _new_attributes(case, machine, driven, start, request)
     else:
         attributes = {name: stored[name] for name in _ATTRIBUTES}
-    parameters = np.array(attributes["parameters"])
+    parameters = with_stand_ins(attributes["parameters"])
     drive = drive_of(case, machine.scales, parameters, attributes["angle"], attributes["ring_phase"])
     plan = _plan(case, drive, attributes)
     return Run(group, attributes, machine, driven, parameters, drive, plan, _limits(case), masses, start)
@@ -213,7 +214,7 @@ def _new_attributes(
         )
     return {
         "request": dict(request),
-        "parameters": [float(value) for value in parameters],
+        "parameters": list(parameter_attributes(case, parameters).values()),
         "angle": float(start.angle),
         "ring_phase": float(start.ring_phase),
         "reference_period": period,

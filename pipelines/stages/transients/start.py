@@ -14,8 +14,9 @@ from pipelines.case.transient_settings import EQUILIBRIUM
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.store import Store
 from pipelines.machine import film
-from pipelines.machine.assembly import Machine, parameter_vector
+from pipelines.machine.assembly import Machine, parameter_vector, with_stand_ins
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
+from pipelines.stages.parameter_columns import stored_parameters
 
 Array = NDArray[np.float64]
 
@@ -93,7 +94,7 @@ def _cycle(named: NamedCase, store: Store, group: str) -> StartState:
     rows = read_group(store, group, ("state", *PARAMETERS))
     row = _row(named, rows.n_points, "points")
     state, ring_phase = rows["state"][row], 0.0
-    parameters = np.array([rows[name][row] for name in PARAMETERS])
+    parameters = stored_parameters(rows.arrays, row)
     if rows.attributes["formulation"] == "autonomous" and parameters[film.DISPLACEMENT] != 0.0:
         ring_phase = math.atan2(state[-2], state[-1])  # the oscillator of Eq. 17 is (sin, cos) of the phase
         state = state[:-2]
@@ -107,7 +108,7 @@ def _checkpoint(named: NamedCase, store: Store, group: str) -> StartState:
     found = read_group(store, group, [f"checkpoint_{name}" for name in names])
     row = _row(named, found.n_events, "checkpoints")
     state, speed, angle, ring_phase, displacement = (found[f"checkpoint_{name}"][row] for name in names)
-    parameters = np.array(found.attributes["parameters"])
+    parameters = with_stand_ins(found.attributes["parameters"])
     parameters[film.SPEED] = speed
     return StartState(np.ascontiguousarray(state), parameters, displacement, angle, ring_phase)
 
