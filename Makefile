@@ -5,7 +5,7 @@ BIN := .venv/bin
 INSTALLED := .venv/installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install test torture lint smoke figures bench clean
+.PHONY: help install test check rest torture lint format smoke figures bench clean
 
 help: ## show this list
 	@grep -E '^[a-z0-9]+:.*## ' Makefile | sed -E 's/^([a-z0-9]+):.*## /\1\t/' | expand -t 10
@@ -17,13 +17,26 @@ $(INSTALLED): pyproject.toml
 	$(BIN)/python -m pip install --disable-pip-version-check --editable '.[dev]'
 	touch $@
 
-test: $(INSTALLED) ## run the tests (WORKERS processes)
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+# tests of one module share what it computes first: a module is not divided among processes
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+
+test: $(INSTALLED) ## run the quick tests (WORKERS processes): what a change should pass first
+	$(PYTEST) -m 'not slow and not reliability'
+
+check: lint test rest ## run style, types and all tests: what must pass before a change lands
+
+rest: $(INSTALLED) ## run the tests that `make test` leaves out
+	$(PYTEST) -m 'slow or reliability' --durations=10
 
 torture: $(INSTALLED) ## kill 500 processes in every test of reliability, 10000 configurations, 300 rotors (an hour)
-	$(BIN)/python -m pytest tests/reliability --kills 500 --rotors 300 --hypothesis-profile torture
+	$(BIN)/python -m pytest tests/reliability --kills 500 --rotors 300 --hypothesis-profile torture --timeout 0
 
-lint: $(INSTALLED) ## check style and types
+format: $(INSTALLED) ## format the sources
+	$(BIN)/ruff check --select I --fix
+	$(BIN)/ruff format
+
+lint: $(INSTALLED) ## check format, style and types
+	$(BIN)/ruff format --check
 	$(BIN)/ruff check
 	$(BIN)/mypy
 

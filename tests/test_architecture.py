@@ -348,3 +348,14 @@ def test_the_import_check_lets_neighbours_pass() -> None:
 )
 def test_the_mutation_check_sees(source: str) -> None:
     assert mutations(ast.parse(source)) != []
+
+
+def test_no_test_is_left_out_where_a_change_lands() -> None:
+    """`make test` and `make rest` divide the tests between them; `make check` and `.ci/run` run both."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    chosen = re.findall(r"\$\(PYTEST\) -m '([^']+)'", makefile)
+    assert chosen == ["not slow and not reliability", "slow or reliability"]
+    assert re.search(r"^check: lint test rest ", makefile, re.MULTILINE)
+    lines = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    assert {"make test", "make rest"} <= set(lines)
+    assert not [line for line in lines if "pytest" in line]

@@ -202,9 +202,7 @@ def _attempt(
     rule = StepRule(options.minimum_cosine, _MISSED)
     if _is_shortest(state, options):
         rule = replace(rule, minimum_cosine=None, largest_defect=math.inf)
-    message = refusal(
-        metric, state.tangent, segment.chord, segment.end.tangent, rule, segment.missed_at
-    )
+    message = refusal(metric, state.tangent, segment.chord, segment.end.tangent, rule, segment.missed_at)
     return _with_specials(segment, state, options) if message is None else _Rejected(message)
 
 

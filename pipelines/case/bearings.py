@@ -134,9 +134,7 @@ class Bearing(Table):
     length: float = quantity(
         "axial length L", "m", at_least=1e-5, at_most=10, because="a bearing without length carries nothing"
     )
-    clearance: float = quantity(
-        "radial clearance c", "m", at_least=1e-7, because="thinner is no gas film"
-    )
+    clearance: float = quantity("radial clearance c", "m", at_least=1e-7, because="thinner is no gas film")
     film: Literal["edge", "periodic"] = choice(
         "`edge`: ambient pressure along the foil's edge line at edge_angle; `periodic`: uninterrupted film",
         "edge",

@@ -235,9 +235,7 @@ class ContinueCycles(Table):
         "phase condition (needed for self-excited whirl, displacement 0)",
         "stroboscopic",
     )
-    step: float = quantity(
-        "first arclength step", "1", 0.02, above=0, at_most=LONGEST_STEP, because=STEPS
-    )
+    step: float = quantity("first arclength step", "1", 0.02, above=0, at_most=LONGEST_STEP, because=STEPS)
     minimum_step: float = quantity(
         "the branch ends when a step would be shorter",
         "1",

@@ -68,9 +68,7 @@ class ContinueTori(Table):
         below=1,
         because="a torus of no size is the cycle",
     )
-    step: float = quantity(
-        "first arclength step", "1", 0.01, above=0, at_most=LONGEST_STEP, because=STEPS
-    )
+    step: float = quantity("first arclength step", "1", 0.01, above=0, at_most=LONGEST_STEP, because=STEPS)
     minimum_step: float = quantity(
         "the branch ends when a step would be shorter",
         "1",

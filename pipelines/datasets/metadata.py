@@ -111,10 +111,7 @@ def has_lost_metadata(folder: Path) -> bool:
 
     # asked twice: whoever makes the group publishes its metadata first and removes the mark then
     return (
-        is_bare()
-        and any(folder.glob(f"*/{METADATA}"))
-        and not any(folder.glob(f"*/{MAKING}"))
-        and is_bare()
+        is_bare() and any(folder.glob(f"*/{METADATA}")) and not any(folder.glob(f"*/{MAKING}")) and is_bare()
     )
 
 

@@ -32,9 +32,7 @@ TINY = (
 )
 
 
-def tiny_case(
-    *overrides: str, config: Path = CONFIG, stages: Collection[str] | None = None
-) -> NamedCase:
+def tiny_case(*overrides: str, config: Path = CONFIG, stages: Collection[str] | None = None) -> NamedCase:
     """The first case of a configuration with the tiny settings and overrides, checked for ``stages``."""
     named, *_ = read_cases(config.read_text(), config.name, (*TINY, *overrides), stages)
     return named

@@ -155,6 +155,8 @@ def test_the_count_of_modes_is_stored_with_the_crossings(tmp_path: Path) -> None
     assert last - first == attributes["crossings"] + attributes["damping_passages"]
     assert attributes["undecided_stretches"] == []
     assert attributes["stop_reason"] == "all speeds are computed"
+
+
 MICRO_TURBINE = Path(__file__).parents[1] / "reference" / "micro_turbine.toml"
 QUICK = (
     "numerics.circumferential=16",
