@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES
@@ -109,9 +108,3 @@ def draw_bar(axes: Axes, bar: ErrorBar, other: float, along_x: bool) -> None:
     width, height = (bar.uncertainty, None) if along_x else (None, bar.uncertainty)
     look = CROSS | WHISKERS
     axes.errorbar(x, y, xerr=width, yerr=height, **look)
-
-
-def values_of(table: Table, parameter: str) -> NDArray[np.float64]:
-    """All values of a parameter that ``draw_refinement`` may draw, for the limits of an axis."""
-    bars = (error_bar(table, row) for row in range(len(table["value"])) if table["free"][row] == parameter)
-    return np.array([end for bar in bars if bar is not None for end in bar.ends])

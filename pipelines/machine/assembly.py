@@ -88,14 +88,6 @@ class Machine:
         )
         return out
 
-    def apply_jacobian(self, phase: float, state: Array, block: Array, parameters: Array) -> Array:
-        """J @ block for a block of shape (N, columns)."""
-        out = np.empty_like(block)
-        rates.machine_tangent(
-            phase, state, block, parameters, self.constants, self.layout, np.empty(self.work_size), out
-        )
-        return out
-
     def film(self, bearing: int, phase: float, state: Array, parameters: Array) -> FilmState:
         """The film of a bearing at a state."""
         return film_state(

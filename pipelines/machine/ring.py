@@ -56,29 +56,3 @@ def ring_rate_at(cosine, sine, horizontal, vertical, horizontal_rate, vertical_r
     across = radius_over_clearance + vertical
     root = np.sqrt((along * cosine) ** 2 + (across * sine) ** 2)
     return (along * horizontal_rate * cosine**2 + across * vertical_rate * sine**2) / root
-
-
-def ring_deformation(
-    cosine: FloatArray,
-    sine: FloatArray,
-    phase: float,
-    displacement: float,
-    frequency: float,
-    ratio: float,
-    radius_over_clearance: float,
-    amplitude: float = 1.0,
-    phase_shift: float = 0.0,
-) -> tuple[FloatArray, FloatArray]:
-    """Ring displacement q_r and rate d q_r / d tau, both over c_r and of the shape of ``cosine`` (Eq. 23-25).
-
-    ``cosine`` and ``sine`` belong to the film angles; the other arguments are those of ``ring_axes_at`` and R
-    / c_r.
-    """
-    horizontal, vertical, horizontal_rate, vertical_rate = ring_axes_at.py_func(
-        phase, displacement, frequency, ratio, amplitude, phase_shift
-    )
-    q = ring_displacement_at.py_func(cosine, sine, horizontal, vertical, radius_over_clearance)
-    rate = ring_rate_at.py_func(
-        cosine, sine, horizontal, vertical, horizontal_rate, vertical_rate, radius_over_clearance
-    )
-    return q, rate

@@ -1,4 +1,4 @@
-"""Linear vibrations of the rotor on linear bearings: modes, undamped critical speeds, unbalance response.
+"""Linear vibrations of the rotor on linear bearings: modes and unbalance response.
 
 Works on the full and on the condensed rotor alike: both are M q'' + (C + Omega G) q' + K q = F.
 """
@@ -78,17 +78,6 @@ class Modes:
         return Modes(self.eigenvalues[kept], self.shapes[kept])
 
 
-@dataclass(frozen=True)
-class CriticalSpeeds:
-    """Undamped critical speeds [rad/s], rising; whirl +1 forward, -1 backward, 0 planar; shapes (speeds,
-    freedoms).
-    """
-
-    speeds: FloatArray
-    whirl: NDArray[np.int8]
-    shapes: ComplexArray
-
-
 def bearing_freedoms(rotor: RotorMatrices | CondensedRotor, node: int) -> slice:
     """Freedoms x and y of a node; raises ValueError if the rotor does not have them."""
     if isinstance(rotor, CondensedRotor):
@@ -163,31 +152,6 @@ def whirl_directions(displacements: ComplexArray) -> NDArray[np.int8]:
     area = np.sum(np.imag(x * np.conj(y)), axis=-1)
     circle = 0.5 * np.sum(np.abs(x) ** 2 + np.abs(y) ** 2, axis=-1)
     return np.where(np.abs(area) > PLANAR_ORBIT * circle, np.sign(area), 0.0).astype(np.int8)
-
-
-def undamped_critical_speeds(
-    rotor: RotorMatrices | CondensedRotor, bearings: Sequence[LinearBearing] = ()
-) -> CriticalSpeeds:
-    """Speeds at which an undamped free whirl is synchronous, q = phi exp(i Omega t):
-
-        (M - i G) phi = Omega^-2 K phi
-
-    Both matrices are Hermitian, so every speed is found, without scanning. A forward mode with more polar
-    than diametral inertia may have none (its Omega^-2 is negative). Damping is left out. Raises ValueError
-    when K is not symmetric positive definite: a free rotor, or cross-coupled bearings, which have no undamped
-    critical speeds.
-    """
-    _, stiffness = with_bearings(rotor, bearings)
-    if not np.allclose(stiffness, stiffness.T, rtol=0.0, atol=1e-9 * np.max(np.abs(stiffness))):
-        raise ValueError("undamped critical speeds need a symmetric stiffness: stiffness_xy = stiffness_yx")
-    try:
-        inverse_square, vectors = linalg.eigh(rotor.mass - 1j * rotor.gyroscopic, stiffness)
-    except linalg.LinAlgError as error:
-        raise ValueError("undamped critical speeds need a rotor held by its bearings") from error
-    real_speeds = np.flatnonzero(inverse_square > 0.0)[::-1]
-    shapes = vectors[:, real_speeds].T
-    whirl = whirl_directions(translations(rotor, shapes))
-    return CriticalSpeeds(inverse_square[real_speeds] ** -0.5, whirl, shapes)
 
 
 def _full_size(rotor: RotorMatrices | CondensedRotor) -> int:

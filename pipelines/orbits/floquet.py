@@ -157,13 +157,6 @@ def adapted_basis(basis: Matrix, image: Matrix, options: BasisOptions) -> Matrix
     return orthonormal(image @ vectors[:, :kept])
 
 
-def full_monodromy(
-    period_map: PeriodMap, state: Vector, parameters: Vector, period: float, steps: int
-) -> Matrix:
-    """The whole monodromy matrix (N, N): for tests and measurements, never for a large system."""
-    return period_map.monodromy_columns(state, parameters, period, steps, np.eye(period_map.size))
-
-
 def nontrivial(multipliers: Complex, autonomous: bool) -> Complex:
     """The multipliers without the trivial one (the nearest to 1) of an autonomous cycle."""
     if not autonomous:

@@ -24,7 +24,6 @@ from pipelines.orbits.integration.propagation import propagate, workspace_size
 from pipelines.orbits.steppers import RK4, ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector, size_of
 
-_BLOCK_COLUMNS = 64  # columns per pass of a wide block: bounds the scratch memory
 _KEPT_BYTES = 256 * 1024**2  # of factors that are kept for further passes along the same orbit
 _POWER_PHASES = 8  # phases at which the spectral radius is sampled
 _FIRST_POWER_STEPS = 60
@@ -309,18 +308,6 @@ class PeriodMap:
         run.state[:] = kept.end
         _take(run, lines, functional)
         return -1
-
-    def monodromy_columns(
-        self, state: Vector, parameters: Vector, period: float, steps: int, columns: Matrix
-    ) -> Matrix:
-        """M @ columns for any number of columns, in blocks of bounded memory."""
-        parts = [
-            self.evaluate(
-                state, parameters, period, steps, columns[:, first : first + _BLOCK_COLUMNS]
-            ).columns
-            for first in range(0, columns.shape[1], _BLOCK_COLUMNS)
-        ]
-        return np.ascontiguousarray(np.hstack(parts))
 
     def phase_reference(self, orbit: Matrix, parameters: Vector, period: float) -> PhaseReference:
         """The phase condition that an orbit (samples, size) imposes on its neighbours."""

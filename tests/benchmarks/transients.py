@@ -17,10 +17,10 @@ from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.steppers import RK4
 from pipelines.orbits.time_runs.drive import Switching, make_drive
 from pipelines.orbits.time_runs.transient import trial_end
-from pipelines.orbits.time_runs.unbalanced_map import UnbalancedMap, unbalanced_map
 from pipelines.stages.transients.run import driven_machine
 from tests.benchmarks.measuring import Measurement, interleaved
 from tests.benchmarks.settings import Settings
+from tests.helpers.unbalanced_map import UnbalancedMap, unbalanced_map
 from tests.machines import case
 
 Array = NDArray[np.float64]

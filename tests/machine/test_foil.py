@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from pipelines.machine.bearing import Bearing, FilmSettings, film_state, pack_bearing
-from pipelines.machine.ring import ring_deformation
 from pipelines.orbits.equilibria.equilibrium import film_equilibrium
+from tests.helpers.ring import ring_deformation
 
 STIFFNESS, LOSS_FACTOR, SPEED = 4.0, 0.3, 1.7
 STILL = np.array([SPEED, 0.0, 0.0, STIFFNESS])

@@ -10,7 +10,8 @@ from numba import njit
 
 from pipelines.case.models import Ring
 from pipelines.case.ring_statics import THIN_RING, ring_coefficients, ring_displacement_from_load
-from pipelines.machine.ring import ring_axes_at, ring_deformation, ring_displacement_at, ring_rate_at
+from pipelines.machine.ring import ring_axes_at, ring_displacement_at, ring_rate_at
+from tests.helpers.ring import ring_deformation
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 33)
 COSINE, SINE = np.cos(ANGLES), np.sin(ANGLES)

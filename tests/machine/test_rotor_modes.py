@@ -12,10 +12,10 @@ from pipelines.machine.rotor_modes import (
     oscillating_modes,
     translations,
     unbalance_response,
-    undamped_critical_speeds,
     whirl_directions,
 )
 from pipelines.machine.shaft import assemble_rotor
+from tests.helpers.undamped import undamped_critical_speeds
 
 
 def bearing(node: int, stiffness: float, damping: float = 0.0, ratio: float = 1.0) -> LinearBearing:

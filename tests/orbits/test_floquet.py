@@ -14,7 +14,6 @@ from pipelines.orbits.floquet import (
     deterministic_block,
     enlarge,
     floquet_spectrum,
-    full_monodromy,
     orthonormal,
     starting_basis,
     wanted_columns,
@@ -22,6 +21,7 @@ from pipelines.orbits.floquet import (
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.steppers import DOPRI8
 from pipelines.orbits.system import ode_system
+from tests.helpers.monodromy import full_monodromy
 
 OPTIONS = BasisOptions(initial_columns=8, maximum_columns=32)
 

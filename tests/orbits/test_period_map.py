@@ -12,12 +12,12 @@ import pytest
 
 from pipelines.machine.assembly import build_machine
 from pipelines.orbits import period_map as period_map_module
-from pipelines.orbits.floquet import full_monodromy
 from pipelines.orbits.integration.implicit import propagate_implicit
 from pipelines.orbits.period_map import Formulation, Inhomogeneity, PeriodImage, PeriodMap
 from pipelines.orbits.steppers import DOPRI8, ESDIRK5, RK4
 from pipelines.orbits.system import DynamicalSystem, ode_system
 from pipelines.stages.cycles.problem import cycle_problem
+from tests.helpers.monodromy import full_monodromy
 from tests.helpers.tiny import tiny_case
 from tests.systems import duffing, hopf_pair, implicit, tondl
 

@@ -20,8 +20,8 @@ from pipelines.orbits.time_runs.transient import (
     starting_position,
     trial_end,
 )
-from pipelines.orbits.time_runs.unbalanced_map import unbalanced_map
 from pipelines.stages.transients.run import driven_machine
+from tests.helpers.unbalanced_map import unbalanced_map
 from tests.machines import BEARING, case
 from tests.orbits.driven_rotor import DAMPING, ECCENTRICITY, STIFFNESS, driven_rotor
 

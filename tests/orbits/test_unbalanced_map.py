@@ -14,7 +14,7 @@ from pipelines.orbits.floquet import deterministic_block
 from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.steppers import ESDIRK5
-from pipelines.orbits.time_runs.unbalanced_map import UnbalancedMap, unbalanced_map
+from tests.helpers.unbalanced_map import UnbalancedMap, unbalanced_map
 from tests.machines import case
 
 MASSES = (UnbalanceMass(2, 3e-6), UnbalanceMass(9, 1e-6, 1.0))

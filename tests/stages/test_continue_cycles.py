@@ -18,9 +18,9 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import OtherConfigurationError, open_for_reading
 from pipelines.machine.assembly import build_machine
-from pipelines.orbits.floquet import full_monodromy
 from pipelines.orbits.machine_cycles import cycle_shape
 from pipelines.stages.cycles.problem import cycle_problem
+from tests.helpers.monodromy import full_monodromy
 from tests.helpers.tiny import CONFIG, PASSIVE, TINY, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 

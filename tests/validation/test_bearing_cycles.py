@@ -35,7 +35,6 @@ from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.orbits.equilibria.equilibrium import Equilibrium, at_rest, machine_equilibrium
 from pipelines.orbits.equilibria.linear import Instability, at_speed, linear_point, locate_instability
-from pipelines.orbits.floquet import full_monodromy
 from pipelines.orbits.hopf_start import start_at_hopf
 from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.period_map import Formulation, PeriodMap
@@ -50,6 +49,7 @@ from pipelines.orbits.shooting import (
 from pipelines.orbits.steppers import DOPRI8, ESDIRK5
 from pipelines.orbits.time_steps import first_steps, step_demand
 from pipelines.stages.cycles.problem import cycle_problem
+from tests.helpers.monodromy import full_monodromy
 from tests.machines import BEARING, FOIL, case
 
 ROOT = Path(__file__).resolve().parents[2]

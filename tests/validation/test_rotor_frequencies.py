@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from pipelines.case.models import Disc, Element, Material, Rotor, Support
-from pipelines.machine.rotor_modes import oscillating_modes, undamped_critical_speeds
+from pipelines.machine.rotor_modes import oscillating_modes
 from pipelines.machine.shaft import assemble_rotor
+from tests.helpers.undamped import undamped_critical_speeds
 
 REFERENCE = Path(__file__).parents[1] / "reference"
 FRISWELL_STEEL = Material(young_modulus=211e9, density=7810.0, shear_modulus=81.2e9)

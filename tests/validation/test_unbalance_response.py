@@ -17,8 +17,8 @@ from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.equilibria.linear import dynamic_stiffness
 from pipelines.orbits.time_runs.drive import Switching, make_drive
 from pipelines.orbits.time_runs.transient import Plan, Status, advance, starting_position
-from pipelines.orbits.time_runs.unbalanced_map import unbalanced_map
 from pipelines.stages.transients.run import driven_machine
+from tests.helpers.unbalanced_map import unbalanced_map
 from tests.machines import BEARING, OTHER_BEARING, case, symmetric_rotor
 
 SPEED = 0.7
