@@ -26,13 +26,17 @@ from pipelines.bifurcations.branch import (
 )
 from pipelines.bifurcations.continuation import (
     STEP_GROWTH,
+    Rejected,
+    Tracer,
     adapted_length,
+    bound_passed,
+    follow,
     is_start,
-    passes_start,
+    leaves_ranges,
     period_scale,
 )
 from pipelines.bifurcations.cycles.double_crossings import dips_inside
-from pipelines.bifurcations.cycles.segment import Metric, Segment, metric_of
+from pipelines.bifurcations.cycles.segment import BranchMetric, Segment, metric_of
 from pipelines.bifurcations.detection import (
     DetectionOptions,
     Event,
@@ -46,7 +50,6 @@ from pipelines.bifurcations.detection import (
 )
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import (
-    Constraint,
     Correction,
     Cycle,
     CycleProblem,
@@ -59,6 +62,7 @@ from pipelines.orbits.shooting import (
     tangent_at,
 )
 from pipelines.orbits.time_steps import StepDemand, first_steps, following_steps, step_demand
+from pipelines.orbits.vectors import Constraint
 
 _NO_DEMAND = StepDemand(0, math.nan)  # of a correction without a cycle
 _TWICE = "a multiplier crosses the unit circle and returns within the step"
@@ -82,31 +86,7 @@ def continue_branch(
     range, and that of a closed branch on its first point.  Raises ValueError when the start lies outside the
     range; every other failure is a BranchResult.
     """
-    if isinstance(start, BranchState):
-        state = start
-    else:
-        opened = _open_branch(problem, start, options)
-        if isinstance(opened, BranchResult):
-            return opened
-        point, state = opened
-        if limit is not None and (message := limit(point)) is not None:
-            return BranchResult(BranchStop.LIMIT, None, message)
-        record(point, state, ())
-    metric = _metric_from(problem, options, state.start)
-    while (stop := _stop_reason(state, options, metric)) is None:
-        if should_stop is not None and should_stop():
-            return BranchResult(BranchStop.INTERRUPTED, state)
-        step = _attempt(problem, state, options, metric)
-        if isinstance(step, _Rejected):
-            if 0.5 * state.step < options.minimum_step:
-                return BranchResult(BranchStop.MINIMUM_STEP, state, step.message)
-            state = replace(state, step=0.5 * state.step)
-            continue
-        if limit is not None and (message := limit(step.point)) is not None:
-            return BranchResult(BranchStop.LIMIT, state, message)
-        state = _advance(problem, state, step, options)
-        record(step.point, state, step.events)
-    return BranchResult(stop, state)
+    return follow(_Branch(problem, options), start, record, limit, should_stop)
 
 
 @dataclass(frozen=True)
@@ -115,189 +95,208 @@ class _Step:
 
     point: BranchPoint
     segment: Segment
-    events: tuple[Event, ...]
+    found: tuple[Event, ...]
 
 
 @dataclass(frozen=True)
-class _Rejected:
-    message: str
+class _Branch(Tracer[BranchState, _Step]):
+    """A branch of cycles for the driver."""
 
+    problem: CycleProblem
+    options: ContinuationOptions
+    stops = BranchStop
 
-def _open_branch(
-    problem: CycleProblem, start: BranchStart, options: ContinuationOptions
-) -> tuple[BranchPoint, BranchState] | BranchResult:
-    """Correct the guess at its fixed parameter and orient the branch."""
-    if not options.range[0] <= start.parameter <= options.range[1]:
-        raise ValueError(
-            f"the start {problem.parameter} = {start.parameter} lies outside the range {options.range}"
+    def open(self, start: BranchStart) -> tuple[BranchPoint, BranchState] | Rejected:
+        """Correct the guess at its fixed parameter and orient the branch."""
+        problem, options = self.problem, self.options
+        if not options.range[0] <= start.parameter <= options.range[1]:
+            raise ValueError(
+                f"the start {problem.parameter} = {start.parameter} lies outside the range {options.range}"
+            )
+        first = _first_cycle(problem, start)
+        if isinstance(first, Rejected):
+            return first
+        correction, cycle, demand, reference = first
+        row = Unknowns(np.zeros(problem.period_map.size), 0.0, float(options.direction))
+        tangent = tangent_at(problem, cycle, row, reference)
+        if tangent is None:
+            return Rejected("the parameter turns at the first point")
+        at = cycle.unknowns
+        tangent = self._metric(at).unit(tangent)
+        state = BranchState(
+            index=0,
+            state=at.state,
+            period=at.period,
+            parameter=at.parameter,
+            tangent_state=tangent.state,
+            tangent_period=tangent.period,
+            tangent_parameter=tangent.parameter,
+            step=options.step,
+            arclength=0.0,
+            steps=cycle.steps,
+            step_error=demand.error,
+            basis=following_basis(problem, cycle),
+            multipliers=cycle.spectrum.multipliers,
+            previous_multipliers=np.zeros(0, dtype=complex),
+            previous_arclength=0.0,
+            start_state=at.state,
+            start_period=at.period,
+            start_parameter=at.parameter,
         )
+        return _point(problem, correction, cycle, demand, _Found()), state
+
+    def stop_reason(self, state: BranchState) -> BranchStop | None:
+        """Why nothing follows a state."""
+        if self._returned(state, state.unknowns):
+            return BranchStop.CLOSED
+        if leaves_ranges((state.parameter,), (state.tangent_parameter,), (self.options.range,)):
+            return BranchStop.RANGE
+        return BranchStop.MAXIMUM_POINTS if state.index + 1 >= self.options.max_points else None
+
+    def attempt(self, state: BranchState) -> _Step | Rejected:
+        """One step: predict, correct, test, locate."""
+        steps = following_steps(self.problem, state.steps, state.step_error)
+        reference = reference_of(self.problem, state.unknowns, steps)
+        correction, demand = self._predict_and_correct(state, steps, reference)
+        segment = self._segment(state, correction, reference)
+        if isinstance(segment, Rejected):
+            return segment
+        if segment.passes(state.start, state.arclength):
+            landing = _land_on_start(segment, state, correction)
+            if landing.cycle is not None and self._returned(state, landing.cycle.unknowns):
+                correction = landing
+                segment = self._segment(state, landing, reference)
+                if isinstance(segment, Rejected):
+                    return segment
+        shortest = self.is_shortest(state)
+        found = _events(segment, self.options.detection, accept_anyway=shortest)
+        if isinstance(found, Rejected):
+            return found
+        if dips_inside(segment, state.previous_multipliers, state.arclength - state.previous_arclength):
+            if not shortest:
+                return Rejected(_TWICE)
+            found = replace(found, unexplained=True)
+        return _Step(_point(self.problem, correction, segment.end, demand, found), segment, found.located)
+
+    def advance(self, state: BranchState, step: _Step) -> BranchState:
+        """The state after an accepted step; the step length follows the Newton count."""
+        cycle, tangent = step.segment.end, step.segment.end_tangent
+        length = adapted_length(
+            state.step,
+            step.point.iterations,
+            self.options.target_iterations,
+            self.options.minimum_step,
+            self.options.maximum_step,
+        )
+        return replace(
+            state,
+            index=state.index + 1,
+            state=cycle.unknowns.state,
+            period=cycle.unknowns.period,
+            parameter=cycle.unknowns.parameter,
+            tangent_state=tangent.state,
+            tangent_period=tangent.period,
+            tangent_parameter=tangent.parameter,
+            step=length,
+            arclength=state.arclength + step.segment.length,
+            steps=cycle.steps,
+            step_error=step.point.step_error,
+            basis=following_basis(self.problem, cycle),
+            multipliers=cycle.spectrum.multipliers,
+            previous_multipliers=state.multipliers,
+            previous_arclength=state.arclength,
+        )
+
+    def _metric(self, first: Unknowns) -> BranchMetric:
+        """The metric of a branch with this first cycle."""
+        period = period_scale(first.state, first.period, self.options.maximum_step)
+        return metric_of(self.problem, self.options.parameter_scale, period)
+
+    def _returned(self, state: BranchState, at: Unknowns) -> bool:
+        """Whether ``at`` is the first point again."""
+        return is_start(state.arclength, state.step, self._metric(state.start).norm(at.minus(state.start)))
+
+    def _segment(
+        self, state: BranchState, correction: Correction, reference: PhaseReference | None
+    ) -> Segment | Rejected:
+        """The piece of branch from a state to a corrected cycle, unless it is too long to be one piece."""
+        cycle, metric = correction.cycle, self._metric(state.start)
+        if cycle is None:
+            return Rejected(correction.advice)
+        chord = cycle.unknowns.minus(state.unknowns)
+        if metric.norm(chord) == 0.0:
+            return Rejected("the corrector returned to the previous point")
+        tangent = tangent_at(self.problem, cycle, metric.row(chord), reference)
+        if tangent is None:
+            return Rejected("the tangent is singular")
+        tangent = metric.unit(tangent)
+        segment = Segment(
+            self.problem,
+            metric,
+            state.unknowns,
+            state.tangent,
+            state.multipliers,
+            cycle,
+            tangent,
+            state.basis,
+            reference,
+        )
+        rule = StepRule(self.options.minimum_cosine)
+        message = refusal(metric, state.tangent, chord, tangent, rule, segment.missed_at)
+        return segment if message is None else Rejected(message)
+
+    def _predict_and_correct(
+        self, state: BranchState, steps: int, reference: PhaseReference | None
+    ) -> tuple[Correction, StepDemand]:
+        """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it
+        instead.  Repeated with more time steps when the cycle asks for them.
+        """
+        problem, ranges = self.problem, (self.options.range,)
+        row = self._metric(state.start).row(state.tangent)
+        guess = state.unknowns.plus(state.tangent, state.step)
+        constraint = Constraint(row, row.dot(state.unknowns) + state.step)
+        passed = bound_passed((guess.parameter,), ranges)
+        if passed is None:
+            correction = correct(problem, guess, constraint, state.basis, steps, reference)
+            if correction.cycle is None:
+                return correction, _NO_DEMAND
+            guess = correction.cycle.unknowns
+            passed = bound_passed((guess.parameter,), ranges)
+        if passed is not None:
+            bound = passed[1]
+            share = (bound - state.parameter) / (guess.parameter - state.parameter)
+            guess = state.unknowns.plus(guess.minus(state.unknowns), share)
+            constraint = problem.fixed_parameter(bound)
+            correction = correct(problem, guess, constraint, state.basis, steps, reference)
+        if correction.cycle is None:
+            return correction, _NO_DEMAND
+        demand = step_demand(problem, correction.cycle)
+        if demand.steps <= steps:
+            return correction, demand
+        guess, grown = correction.cycle.unknowns, problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
+        again = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
+        demand = _NO_DEMAND if again.cycle is None else step_demand(problem, again.cycle)
+        return _one_history(correction, again), demand
+
+
+def _first_cycle(
+    problem: CycleProblem, start: BranchStart
+) -> tuple[Correction, Cycle, StepDemand, PhaseReference | None] | Rejected:
+    """The cycle at the parameter of a guess, with as many time steps as it asks for."""
     guess = problem.consistent(Unknowns(np.array(start.state, dtype=float), start.period, start.parameter))
     steps = first_steps(problem, guess)
     if isinstance(steps, NewtonStop):
-        return BranchResult(BranchStop.START_FAILED, None, steps.advice)
-    reference = reference_of(problem, guess, steps)
-    basis = first_basis(problem, guess, steps)
-    correction = correct(problem, guess, problem.fixed_parameter(start.parameter), basis, steps, reference)
-    demand = _NO_DEMAND if correction.cycle is None else step_demand(problem, correction.cycle)
-    while correction.cycle is not None and demand.steps > steps:
-        guess, steps = correction.cycle.unknowns, demand.steps
+        return Rejected(steps.advice)
+    basis, constraint = first_basis(problem, guess, steps), problem.fixed_parameter(start.parameter)
+    while True:
         reference = reference_of(problem, guess, steps)
-        correction = correct(
-            problem, guess, problem.fixed_parameter(start.parameter), correction.cycle.basis, steps, reference
-        )
-        demand = _NO_DEMAND if correction.cycle is None else step_demand(problem, correction.cycle)
-    cycle = correction.cycle
-    if cycle is None:
-        return BranchResult(BranchStop.START_FAILED, None, correction.advice)
-    row = Unknowns(np.zeros(problem.period_map.size), 0.0, float(options.direction))
-    tangent = tangent_at(problem, cycle, row, reference)
-    if tangent is None:
-        return BranchResult(BranchStop.START_FAILED, None, "the parameter turns at the first point")
-    at = cycle.unknowns
-    tangent = tangent.scaled(1.0 / _metric_from(problem, options, at).norm(tangent))
-    state = BranchState(
-        index=0,
-        state=at.state,
-        period=at.period,
-        parameter=at.parameter,
-        tangent_state=tangent.state,
-        tangent_period=tangent.period,
-        tangent_parameter=tangent.parameter,
-        step=options.step,
-        arclength=0.0,
-        steps=steps,
-        step_error=demand.error,
-        basis=following_basis(problem, cycle),
-        multipliers=cycle.spectrum.multipliers,
-        previous_multipliers=np.zeros(0, dtype=complex),
-        previous_arclength=0.0,
-        start_state=at.state,
-        start_period=at.period,
-        start_parameter=at.parameter,
-    )
-    return _point(problem, correction, cycle, demand, _Found()), state
-
-
-def _metric_from(problem: CycleProblem, options: ContinuationOptions, first: Unknowns) -> Metric:
-    """The metric of a branch with this first cycle."""
-    period = period_scale(first.state, first.period, options.maximum_step)
-    return metric_of(problem, options.parameter_scale, period)
-
-
-def _stop_reason(state: BranchState, options: ContinuationOptions, metric: Metric) -> BranchStop | None:
-    """Why nothing follows a state; told by the state alone, so that a restart from it ends at once."""
-    if _returned(state, state.unknowns, metric):
-        return BranchStop.CLOSED
-    low, high = options.range
-    outward_high = state.parameter >= high and state.tangent_parameter > 0.0
-    outward_low = state.parameter <= low and state.tangent_parameter < 0.0
-    if outward_high or outward_low:
-        return BranchStop.RANGE
-    return BranchStop.MAXIMUM_POINTS if state.index + 1 >= options.max_points else None
-
-
-def _attempt(
-    problem: CycleProblem, state: BranchState, options: ContinuationOptions, metric: Metric
-) -> _Step | _Rejected:
-    """One step: predict, correct, test, locate.  Rejected means that the step is too long."""
-    steps = following_steps(problem, state.steps, state.step_error)
-    reference = reference_of(problem, state.unknowns, steps)
-    correction, demand = _predict_and_correct(problem, state, options, metric, steps, reference)
-    segment = _segment(problem, state, options, metric, correction, reference)
-    if isinstance(segment, _Rejected):
-        return segment
-    if _passes_start(state, segment):
-        landing = _land_on_start(segment, state, correction)
-        if landing.cycle is not None and _returned(state, landing.cycle.unknowns, metric):
-            correction = landing
-            segment = _segment(problem, state, options, metric, landing, reference)
-            if isinstance(segment, _Rejected):
-                return segment
-    shortest = _is_shortest(state, options)
-    found = _events(segment, options.detection, accept_anyway=shortest)
-    if isinstance(found, _Rejected):
-        return found
-    if dips_inside(segment, state.previous_multipliers, state.arclength - state.previous_arclength):
-        if not shortest:
-            return _Rejected(_TWICE)
-        found = replace(found, unexplained=True)
-    return _Step(_point(problem, correction, segment.end, demand, found), segment, found.located)
-
-
-def _is_shortest(state: BranchState, options: ContinuationOptions) -> bool:
-    return 0.5 * state.step < options.minimum_step
-
-
-def _segment(
-    problem: CycleProblem,
-    state: BranchState,
-    options: ContinuationOptions,
-    metric: Metric,
-    correction: Correction,
-    reference: PhaseReference | None,
-) -> Segment | _Rejected:
-    """The piece of branch from a state to a corrected cycle, unless it is too long to be one piece."""
-    cycle = correction.cycle
-    if cycle is None:
-        return _Rejected(correction.advice)
-    chord = cycle.unknowns.minus(state.unknowns)
-    if metric.norm(chord) == 0.0:
-        return _Rejected("the corrector returned to the previous point")
-    tangent = tangent_at(problem, cycle, metric.row(chord), reference)
-    if tangent is None:
-        return _Rejected("the tangent is singular")
-    tangent = tangent.scaled(1.0 / metric.norm(tangent))
-    segment = Segment(
-        problem,
-        metric,
-        state.unknowns,
-        state.tangent,
-        state.multipliers,
-        cycle,
-        tangent,
-        state.basis,
-        reference,
-    )
-    rule = StepRule(options.minimum_cosine)
-    message = refusal(metric, state.tangent, chord, tangent, rule, segment.missed_at)
-    return segment if message is None else _Rejected(message)
-
-
-def _predict_and_correct(
-    problem: CycleProblem,
-    state: BranchState,
-    options: ContinuationOptions,
-    metric: Metric,
-    steps: int,
-    reference: PhaseReference | None,
-) -> tuple[Correction, StepDemand]:
-    """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it
-    instead.  Repeated with more time steps when the cycle asks for them.
-    """
-    row = metric.row(state.tangent)
-    guess = state.unknowns.plus(state.tangent, state.step)
-    constraint = Constraint(row, row.dot(state.unknowns) + state.step)
-    bound = _bound_passed(guess.parameter, options.range)
-    if bound is None:
-        correction = correct(problem, guess, constraint, state.basis, steps, reference)
+        correction = correct(problem, guess, constraint, basis, steps, reference)
         if correction.cycle is None:
-            return correction, _NO_DEMAND
-        guess = correction.cycle.unknowns
-        bound = _bound_passed(guess.parameter, options.range)
-    if bound is not None:
-        share = (bound - state.parameter) / (guess.parameter - state.parameter)
-        guess = state.unknowns.plus(guess.minus(state.unknowns), share)
-        constraint = problem.fixed_parameter(bound)
-        correction = correct(problem, guess, constraint, state.basis, steps, reference)
-    if correction.cycle is None:
-        return correction, _NO_DEMAND
-    demand = step_demand(problem, correction.cycle)
-    if demand.steps <= steps:
-        return correction, demand
-    guess, grown = correction.cycle.unknowns, problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
-    again = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
-    demand = _NO_DEMAND if again.cycle is None else step_demand(problem, again.cycle)
-    return _one_history(correction, again), demand
+            return Rejected(correction.advice)
+        demand = step_demand(problem, correction.cycle)
+        if demand.steps <= steps:
+            return correction, correction.cycle, demand, reference
+        guess, basis, steps = correction.cycle.unknowns, correction.cycle.basis, demand.steps
 
 
 def _one_history(first: Correction, second: Correction) -> Correction:
@@ -311,12 +310,6 @@ def _one_history(first: Correction, second: Correction) -> Correction:
     )
 
 
-def _bound_passed(parameter: float, interval: tuple[float, float]) -> float | None:
-    if parameter > interval[1]:
-        return interval[1]
-    return interval[0] if parameter < interval[0] else None
-
-
 @dataclass(frozen=True)
 class _Found:
     """Events of a segment: located, in order along it; detected only; and whether some must be missing."""
@@ -326,7 +319,7 @@ class _Found:
     unexplained: bool = False
 
 
-def _events(segment: Segment, options: DetectionOptions, accept_anyway: bool) -> _Found | _Rejected:
+def _events(segment: Segment, options: DetectionOptions, accept_anyway: bool) -> _Found | Rejected:
     """Detect and locate the events of a segment.  Rejected means that it must be shorter to tell them
     apart.
     """
@@ -336,7 +329,7 @@ def _events(segment: Segment, options: DetectionOptions, accept_anyway: bool) ->
     kinds = tuple(kind for kind in kinds_between(segment, before, after) if kind in options.kinds)
     complete = len(options.kinds) == len(EventKind)
     if complete and not accept_anyway and not explains(before, after, kinds):
-        return _Rejected(_UNEXPLAINED)
+        return Rejected(_UNEXPLAINED)
     events: list[Event] = []
     unlocated: list[EventKind] = []
     for kind in kinds:
@@ -345,12 +338,12 @@ def _events(segment: Segment, options: DetectionOptions, accept_anyway: bool) ->
             events.append(event)
         elif outcome is not LocationStop.NEUTRAL_SADDLE:
             if not accept_anyway:
-                return _Rejected(outcome.value)
+                return Rejected(outcome.value)
             unlocated.append(kind)
     confirmed = (*(event.kind for event in events), *unlocated)
     unexplained = complete and not explains(before, after, confirmed, confirmed=True)
     if unexplained and not accept_anyway:
-        return _Rejected(_UNEXPLAINED)
+        return Rejected(_UNEXPLAINED)
     return _Found(tuple(sorted(events, key=lambda event: event.fraction)), tuple(unlocated), unexplained)
 
 
@@ -368,20 +361,6 @@ def _point(
     )
 
 
-def _passes_start(state: BranchState, segment: Segment) -> bool:
-    """Whether the segment passes through, or stops just before, the first point of the branch, which it has
-    left before.
-    """
-    offset = state.start.minus(segment.start)
-    fraction = segment.metric.inner(offset, segment.chord) / segment.length**2
-    return passes_start(
-        state.arclength,
-        segment.length,
-        fraction,
-        lambda at: segment.metric.norm(state.start.minus(segment.guess(at))),
-    )
-
-
 def _land_on_start(segment: Segment, state: BranchState, correction: Correction) -> Correction:
     """The cycle in the plane through the first point across the segment, with the history of the one that
     led there.
@@ -392,40 +371,3 @@ def _land_on_start(segment: Segment, state: BranchState, correction: Correction)
         segment.problem, state.start, constraint, segment.basis, segment.end.steps, segment.reference
     )
     return _one_history(correction, landing)
-
-
-def _returned(state: BranchState, at: Unknowns, metric: Metric) -> bool:
-    """Whether ``at`` is the first point again."""
-    return is_start(state.arclength, state.step, metric.norm(at.minus(state.start)))
-
-
-def _advance(
-    problem: CycleProblem, state: BranchState, step: _Step, options: ContinuationOptions
-) -> BranchState:
-    """The state after an accepted step; the step length follows the Newton count."""
-    cycle, tangent = step.segment.end, step.segment.end_tangent
-    length = adapted_length(
-        state.step,
-        step.point.iterations,
-        options.target_iterations,
-        options.minimum_step,
-        options.maximum_step,
-    )
-    return replace(
-        state,
-        index=state.index + 1,
-        state=cycle.unknowns.state,
-        period=cycle.unknowns.period,
-        parameter=cycle.unknowns.parameter,
-        tangent_state=tangent.state,
-        tangent_period=tangent.period,
-        tangent_parameter=tangent.parameter,
-        step=length,
-        arclength=state.arclength + step.segment.length,
-        steps=cycle.steps,
-        step_error=step.point.step_error,
-        basis=following_basis(problem, cycle),
-        multipliers=cycle.spectrum.multipliers,
-        previous_multipliers=state.multipliers,
-        previous_arclength=state.arclength,
-    )

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
-from pipelines.bifurcations.continuation import PlainState, refuse_misfits
+from pipelines.bifurcations.continuation import Result, ResumableState, refuse_misfits
 from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle, Unknowns
@@ -72,7 +72,7 @@ class BranchStart:
 
 
 @dataclass(frozen=True)
-class BranchState(PlainState):
+class BranchState(ResumableState):
     """Everything the next step depends on, as plain arrays and numbers.
 
     A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``,
@@ -138,14 +138,6 @@ class BranchPoint:
         return len(self.update_norms)
 
 
-@dataclass(frozen=True)
-class BranchResult:
-    """How a branch ended; ``message`` says more when the caller's limit or a failed correction ended it."""
-
-    stop: BranchStop
-    state: BranchState | None
-    message: str = ""
-
-
+BranchResult = Result[BranchState]
 Record = Callable[[BranchPoint, BranchState, tuple[Event, ...]], None]
 Limit = Callable[[BranchPoint], str | None]

@@ -1,18 +1,23 @@
-"""What walking along a branch of cycles and along a bifurcation curve have in common.
+"""Pseudo-arclength continuation: the driver of branches of cycles, bifurcation curves and branches of tori.
 
-Both are piecewise cubic between corrected points with unit tangents, adapt their step to the effort of the
+    predict, correct, test, locate (one attempt of a tracer), store, adapt
+
+All are piecewise cubic between corrected points with unit tangents, adapt their step to the effort of the
 corrector, and close when they come back to their first point.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import fields
-from typing import Any, Self, cast
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+from enum import Enum
+from typing import Any, Generic, Protocol, Self, TypeVar, cast
 
 import numpy as np
 
 from pipelines.orbits.system import Vector, size_of
+from pipelines.orbits.vectors import Metric, Point
 
 STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
 _CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
@@ -20,26 +25,26 @@ _LONGEST = 0.1  # relative change of the period in a step of the maximum length,
 _SAME = 0.01  # distance within which two points are one, in units of the step: far above corrector errors
 
 
-def refuse_misfits(walk: Any, ranges: tuple[tuple[float, float], ...], scales: tuple[float, ...]) -> None:
+def refuse_misfits(options: Any, ranges: tuple[tuple[float, float], ...], scales: tuple[float, ...]) -> None:
     """Raise ValueError for ranges, parameter scales or options out of order.
 
-    ``walk``: the options, with ``direction``, ``step``, ``minimum_step``, ``maximum_step``, ``max_points``,
+    ``options`` have ``direction``, ``step``, ``minimum_step``, ``maximum_step``, ``max_points``,
     ``target_iterations`` and ``minimum_cosine``.
     """
     for interval in ranges:
         if not interval[0] < interval[1]:
             raise ValueError(f"range is {interval}; its first value must be below its second")
-    if walk.direction not in (-1, 1):
-        raise ValueError(f"direction is {walk.direction}; it must be 1 (up) or -1 (down)")
-    if not 0.0 < walk.minimum_step <= walk.step <= walk.maximum_step:
+    if options.direction not in (-1, 1):
+        raise ValueError(f"direction is {options.direction}; it must be 1 (up) or -1 (down)")
+    if not 0.0 < options.minimum_step <= options.step <= options.maximum_step:
         raise ValueError(
-            f"minimum_step {walk.minimum_step}, step {walk.step}, maximum_step {walk.maximum_step}; "
+            f"minimum_step {options.minimum_step}, step {options.step}, maximum_step {options.maximum_step}; "
             "they must be positive and in this order"
         )
-    if walk.max_points < 1 or walk.target_iterations < 1:
+    if options.max_points < 1 or options.target_iterations < 1:
         raise ValueError("max_points and target_iterations must be at least 1")
-    if not -1.0 <= walk.minimum_cosine < 1.0:
-        raise ValueError(f"minimum_cosine is {walk.minimum_cosine}; it must lie in [-1, 1)")
+    if not -1.0 <= options.minimum_cosine < 1.0:
+        raise ValueError(f"minimum_cosine is {options.minimum_cosine}; it must lie in [-1, 1)")
     if not min(scales) > 0.0:
         raise ValueError(f"parameter_scale is {min(scales)}; it must be positive")
 
@@ -81,19 +86,194 @@ def adapted_length(step: float, iterations: int, target: int, shortest: float, l
     return min(longest, max(shortest, step * min(2.0, max(0.5, factor))))
 
 
-def passes_start(
-    arclength: float, length: float, fraction: float, distance: Callable[[float], float]
-) -> bool:
-    """Whether a segment passes through, or stops just before, the first point, which was left before.
+State = TypeVar("State", bound="ResumableState")
+Accepted = TypeVar("Accepted", bound="Step")
 
-    ``fraction``: where on the chord the first point lies; ``distance`` of it from the segment at a fraction.
+
+@dataclass(frozen=True)
+class Result(Generic[State]):
+    """How a continuation ended.
+
+    ``stop``: a member of the enumeration of its kind; ``message`` says more when a limit or a failed
+    correction ended it.
     """
-    if arclength <= 2.0 * length:
-        return False
-    # what is left to the first point beyond the segment would make a needlessly short step
-    if not 0.0 < fraction <= 1.0 + _CLOSED:
-        return False
-    return distance(fraction) <= _CLOSED * length
+
+    stop: Any
+    state: State | None
+    message: str = ""
+
+
+class Step(Protocol):
+    """An accepted step: its point, and the bifurcations on it."""
+
+    @property
+    def point(self) -> Any:
+        """What is recorded."""
+
+    @property
+    def found(self) -> tuple[Any, ...]:
+        """The bifurcations between the point before and this one."""
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """Why a step is too long, or a start fails.
+
+    ``ending``: the reason to stop if the step cannot be shorter (None: the smallest step); ``factor``: of the
+    next attempt.
+    """
+
+    message: str
+    ending: Enum | None = None
+    factor: float = 0.5
+
+
+class Tracer(ABC, Generic[State, Accepted]):
+    """What the driver asks of a kind of continuation.
+
+    ``options`` have ``minimum_step``; ``stops``: the enumeration of its reasons to stop, with ``LIMIT``,
+    ``INTERRUPTED``, ``START_FAILED`` and ``MINIMUM_STEP``.
+    """
+
+    options: Any
+    stops: Any
+
+    @abstractmethod
+    def open(self, start: Any) -> tuple[Any, State] | Rejected:
+        """Correct a guess and orient the curve: its first point, and the state there."""
+
+    @abstractmethod
+    def stop_reason(self, state: State) -> Enum | None:
+        """Why nothing follows a state; told by the state alone, so that a restart from it ends at once."""
+
+    @abstractmethod
+    def attempt(self, state: State) -> Accepted | Rejected:
+        """One step: predict, correct, test, locate.  Rejected means that the step is too long."""
+
+    @abstractmethod
+    def advance(self, state: State, step: Accepted) -> State:
+        """The state after an accepted step."""
+
+    def ends_before(self, state: State, step: Accepted) -> tuple[Enum, str] | None:
+        """Why the curve ends before a step that would be accepted, and a message."""
+        return None
+
+    def is_shortest(self, state: State) -> bool:
+        """Whether the next step cannot be shorter."""
+        return bool(0.5 * state.step < self.options.minimum_step)
+
+
+def follow(
+    tracer: Tracer[State, Accepted],
+    start: Any,
+    record: Callable[[Any, State, tuple[Any, ...]], None],
+    limit: Callable[[Any], str | None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Result[State]:
+    """Trace a curve from a guess, or go on from a recorded state (a `ResumableState`).
+
+    ``record(point, state, found)`` is called once per accepted point; ``state`` is all that is needed to
+    restart after it.  ``limit(point)`` returns a sentence when the point must not be accepted, which ends the
+    curve before it.  ``should_stop()`` is asked after each recorded point.
+    """
+    stops = tracer.stops
+    if isinstance(start, ResumableState):
+        state = cast(State, start)
+    else:
+        opened = tracer.open(start)
+        if isinstance(opened, Rejected):
+            return Result(stops.START_FAILED, None, opened.message)
+        point, state = opened
+        if limit is not None and (message := limit(point)) is not None:
+            return Result(stops.LIMIT, None, message)
+        record(point, state, ())
+    while (stop := tracer.stop_reason(state)) is None:
+        if should_stop is not None and should_stop():
+            return Result(stops.INTERRUPTED, state)
+        step = tracer.attempt(state)
+        if isinstance(step, Rejected):
+            if tracer.is_shortest(state):
+                return Result(step.ending or stops.MINIMUM_STEP, state, step.message)
+            length = max(step.factor * state.step, tracer.options.minimum_step)
+            state = replace(state, step=length)  # type: ignore[type-var]
+            continue
+        if limit is not None and (message := limit(step.point)) is not None:
+            return Result(stops.LIMIT, state, message)
+        if (ending := tracer.ends_before(state, step)) is not None:
+            return Result(ending[0], state, ending[1])
+        state = tracer.advance(state, step)
+        record(step.point, state, step.found)
+    return Result(stop, state)
+
+
+def leaves_ranges(
+    values: Iterable[float], slopes: Iterable[float], ranges: Sequence[tuple[float, float]]
+) -> bool:
+    """Whether a parameter lies on the end of its range and its slope points outwards."""
+    return any(
+        (value >= high and slope > 0.0) or (value <= low and slope < 0.0)
+        for value, slope, (low, high) in zip(values, slopes, ranges, strict=True)
+    )
+
+
+def bound_passed(values: Iterable[float], ranges: Sequence[tuple[float, float]]) -> tuple[int, float] | None:
+    """The first parameter that has left its range, and the end of the range that it passed."""
+    for which, (value, (low, high)) in enumerate(zip(values, ranges, strict=True)):
+        if value > high:
+            return which, high
+        if value < low:
+            return which, low
+    return None
+
+
+class CubicPiece(ABC, Generic[Point]):
+    """The curve between two corrected points: the cubic through them with their unit tangents."""
+
+    metric: Metric[Point]
+
+    @abstractmethod
+    def ends(self) -> tuple[Point, Point, Point, Point]:
+        """Start, unit tangent there, end, unit tangent there."""
+
+    @property
+    def chord(self) -> Point:
+        """From start to end."""
+        start, _, end, _ = self.ends()
+        return end.minus(start)
+
+    @property
+    def length(self) -> float:
+        """Of the chord."""
+        return self.metric.norm(self.chord)
+
+    def guess(self, fraction: float) -> Point:
+        """The cubic at a fraction."""
+        return self._combined(hermite_weights(fraction, self.length))
+
+    def direction(self, fraction: float) -> Point:
+        """Derivative of the cubic by arclength."""
+        return self._combined(hermite_slopes(fraction, self.length))
+
+    def _combined(self, weights: tuple[float, float, float, float]) -> Point:
+        start, *others = self.ends()
+        combined = start.scaled(weights[0])
+        for part, weight in zip(others, weights[1:], strict=True):
+            combined = combined.plus(part, weight)
+        return combined
+
+    def passes(self, first: Point, arclength: float) -> bool:
+        """Whether the piece passes through, or stops just before, the ``first`` point of the curve.
+
+        ``arclength``: from the first point to the start of the piece.
+        """
+        length, chord = self.length, self.chord
+        if arclength <= 2.0 * length:
+            return False
+        fraction = self.metric.inner(first.minus(self.ends()[0]), chord) / length**2
+        # what is left to the first point beyond the segment would make a needlessly short step
+        if not 0.0 < fraction <= 1.0 + _CLOSED:
+            return False
+        return self.metric.norm(first.minus(self.guess(fraction))) <= _CLOSED * length
 
 
 def is_start(arclength: float, step: float, distance: float) -> bool:
@@ -101,8 +281,10 @@ def is_start(arclength: float, step: float, distance: float) -> bool:
     return arclength > 2.0 * step and distance <= _SAME * step
 
 
-class PlainState:
-    """A frozen dataclass of arrays and numbers from which a walk goes on with the same bits."""
+class ResumableState:
+    """A frozen dataclass of arrays and numbers from which a continuation resumes with the same bits."""
+
+    step: float
 
     def arrays(self) -> dict[str, Any]:
         """Field name to array or number."""

@@ -9,7 +9,7 @@ from enum import Enum, IntEnum
 
 import numpy as np
 
-from pipelines.bifurcations.continuation import PlainState, refuse_misfits
+from pipelines.bifurcations.continuation import Result, ResumableState, refuse_misfits
 from pipelines.bifurcations.critical.critical_cycles import Frame
 from pipelines.bifurcations.detection import DetectionOptions, EventKind, Resonance, strong_resonance
 from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
@@ -101,7 +101,7 @@ class CurveStart:
 
 
 @dataclass(frozen=True)
-class CurveState(PlainState):
+class CurveState(ResumableState):
     """Everything the next step depends on, as plain arrays and numbers.
 
     A curve restarted from a copy of it continues with the same bits.  ``state``, the ``tangent_*``, the
@@ -239,14 +239,6 @@ class SpecialPoint:
     steps: int
 
 
-@dataclass(frozen=True)
-class CurveResult:
-    """How a curve ended; ``message`` says more when a limit, a range or a failed correction ended it."""
-
-    stop: CurveStop
-    state: CurveState | None
-    message: str = ""
-
-
+CurveResult = Result[CurveState]
 CurveRecord = Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None]
 CurveLimit = Callable[[CurvePoint], str | None]

@@ -15,12 +15,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipelines.bifurcations.acceptance import StepRule, refusal
-from pipelines.bifurcations.continuation import STEP_GROWTH, adapted_length, is_start, passes_start
+from pipelines.bifurcations.continuation import (
+    STEP_GROWTH,
+    Rejected,
+    Tracer,
+    adapted_length,
+    bound_passed,
+    follow,
+    is_start,
+    leaves_ranges,
+)
 from pipelines.bifurcations.critical.correction import Closing, CurveCorrection
 from pipelines.bifurcations.critical.corrector import correct_critical
 from pipelines.bifurcations.curve import (
     CurveLimit,
     CurveOptions,
+    CurvePoint,
     CurveRecord,
     CurveResult,
     CurveStart,
@@ -78,49 +88,11 @@ def continue_curve(
     same kind and period, or along itself: beside a kink of the equations it may change to another curve and
     come into a loop that its first point is not on.  ``own``: the points recorded before a restart.  The last
     point lies exactly on the end of a range, on R1 or R2 of a Neimark-Sacker curve, or on the first point of
-    a closed curve.  Raises ValueError when the start lies
-    outside the ranges; every other failure is a CurveResult.
+    a closed curve.  Raises ValueError when the start lies outside the ranges; every other failure is a
+    CurveResult.
     """
-    if isinstance(start, CurveState):
-        state = start
-        own = TracedCurve.of([state]) if own is None else own
-    else:
-        try:
-            opened = open_curve(problem, start, options)
-        except np.linalg.LinAlgError:
-            opened = CurveResult(CurveStop.START_FAILED, None, "a matrix of the first point is singular")
-        if isinstance(opened, CurveResult):
-            return opened
-        point, state = opened
-        if limit is not None and (message := limit(point)) is not None:
-            return CurveResult(CurveStop.LIMIT, None, message)
-        record(point, state, ())
-        own = TracedCurve.of([state])
-    metric = metric_from(problem, options, state.start)
-    while (stop := _stop_reason(problem, state, options, metric)) is None:
-        if should_stop is not None and should_stop():
-            return CurveResult(CurveStop.INTERRUPTED, state)
-        try:
-            step = _attempt(problem, state, options, metric)
-        except np.linalg.LinAlgError:
-            step = _Rejected("a matrix of the step is singular")
-        if isinstance(step, _Rejected):
-            if 0.5 * state.step < options.minimum_step:
-                return CurveResult(CurveStop.MINIMUM_STEP, state, step.message)
-            state = replace(state, step=0.5 * state.step)
-            continue
-        if limit is not None and (message := limit(step.end.point)) is not None:
-            return CurveResult(CurveStop.LIMIT, state, message)
-        name = _along(state, step.end, traced or {}, options)
-        if not _returned(state, step.end.position, metric):
-            itself = {"itself": own.without_last(_RECENT)}
-            name = name or _along(state, step.end, itself, options, same_sense=True)
-        if name is not None:
-            return CurveResult(CurveStop.TRACED, state, f"it runs along {name}")
-        state = _advance(problem, state, step, options)
-        record(step.end.point, state, step.specials)
-        own = own.with_point(state)
-    return CurveResult(stop, state)
+    tracer = _Curve(problem, options, traced or {}, own)
+    return follow(tracer, start, record, limit, should_stop)
 
 
 @dataclass(frozen=True)
@@ -129,28 +101,115 @@ class _Step:
 
     end: CurveEnd
     length: float
-    specials: tuple[SpecialPoint, ...]
+    found: tuple[SpecialPoint, ...]
+
+    @property
+    def point(self) -> CurvePoint:
+        return self.end.point
 
 
-@dataclass(frozen=True)
-class _Rejected:
-    message: str
+class _Curve(Tracer[CurveState, _Step]):
+    """A bifurcation curve for the driver; it knows its points, to notice when it comes to itself."""
 
+    stops = CurveStop
 
-def _stop_reason(
-    problem: CurveProblem, state: CurveState, options: CurveOptions, metric: PlaneMetric
-) -> CurveStop | None:
-    """Why nothing follows a state; told by the state alone, so that a restart from it ends at once."""
-    if _returned(state, state.position, metric):
-        return CurveStop.CLOSED
-    if state.index > 0 and (end := resonant_end(problem.kind, state.kappa)) is not None:
-        return CurveStop.RESONANCE_1 if end is SpecialKind.R1 else CurveStop.RESONANCE_2
-    for value, slope, (low, high) in zip(
-        state.parameters, state.tangent_parameters, options.ranges, strict=True
-    ):
-        if (value >= high and slope > 0.0) or (value <= low and slope < 0.0):
+    def __init__(
+        self,
+        problem: CurveProblem,
+        options: CurveOptions,
+        traced: Mapping[str, TracedCurve],
+        own: TracedCurve | None,
+    ) -> None:
+        self.problem = problem
+        self.options = options
+        self._traced = traced
+        self._own = own
+
+    def open(self, start: CurveStart) -> tuple[CurvePoint, CurveState] | Rejected:
+        """Correct the guess at right angles to the curve and orient the curve."""
+        try:
+            return open_curve(self.problem, start, self.options)
+        except np.linalg.LinAlgError:
+            return Rejected("a matrix of the first point is singular")
+
+    def stop_reason(self, state: CurveState) -> CurveStop | None:
+        """Why nothing follows a state."""
+        if self._returned(state, state.position):
+            return CurveStop.CLOSED
+        if state.index > 0 and (end := resonant_end(self.problem.kind, state.kappa)) is not None:
+            return CurveStop.RESONANCE_1 if end is SpecialKind.R1 else CurveStop.RESONANCE_2
+        if leaves_ranges(state.parameters, state.tangent_parameters, self.options.ranges):
             return CurveStop.RANGE
-    return CurveStop.MAXIMUM_POINTS if state.index + 1 >= options.max_points else None
+        return CurveStop.MAXIMUM_POINTS if state.index + 1 >= self.options.max_points else None
+
+    def attempt(self, state: CurveState) -> _Step | Rejected:
+        """One step: predict, correct, test, locate."""
+        try:
+            return self._attempt(state)
+        except np.linalg.LinAlgError:
+            return Rejected("a matrix of the step is singular")
+
+    def ends_before(self, state: CurveState, step: _Step) -> tuple[CurveStop, str] | None:
+        """Whether the curve runs along a known one, or along itself."""
+        own = TracedCurve.of([state]) if self._own is None else self._own
+        name = _along(state, step.end, self._traced, self.options)
+        if name is None and not self._returned(state, step.end.position):
+            itself = {"itself": own.without_last(_RECENT)}
+            name = _along(state, step.end, itself, self.options, same_sense=True)
+        return None if name is None else (CurveStop.TRACED, f"it runs along {name}")
+
+    def advance(self, state: CurveState, step: _Step) -> CurveState:
+        """The state after an accepted step; the step length follows the count of the corrector."""
+        options = self.options
+        length = adapted_length(
+            state.step,
+            step.point.effort,
+            options.target_iterations,
+            options.minimum_step,
+            options.maximum_step,
+        )
+        bend = step.end.tangent.minus(state.tangent).scaled(1.0 / step.length)
+        own = TracedCurve.of([state]) if self._own is None else self._own
+        new = replace(
+            state,
+            bend_state=bend.state,
+            bend_period=bend.period,
+            bend_parameters=bend.parameters,
+            index=state.index + 1,
+            step=length,
+            arclength=state.arclength + step.length,
+            **columns_of(self.problem, step.end),
+        )
+        self._own = own.with_point(new)
+        return new
+
+    def _returned(self, state: CurveState, at: Position) -> bool:
+        """Whether ``at`` is the first point again."""
+        metric = metric_from(self.problem, self.options, state.start)
+        return _returned(state, at, metric)
+
+    def _attempt(self, state: CurveState) -> _Step | Rejected:
+        problem, options = self.problem, self.options
+        metric = metric_from(problem, options, state.start)
+        cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
+        steps = following_steps(cycles, state.steps, state.step_error)
+        reference = reference_of(cycles, unknowns, steps)
+        segment = _predict_and_correct(problem, state, options, metric, steps, reference)
+        if isinstance(segment, Rejected):
+            return segment
+        if segment.passes(state.start, state.arclength):
+            landing = _land_on_start(segment, state, options)
+            if landing is not None and _returned(state, landing.position, metric):
+                segment = replace(segment, end=landing)
+        # the test function of equations that are only piecewise smooth has kinks and corners; curves of one
+        # kind cross in symmetric systems only
+        rule = StepRule(options.minimum_cosine, _MISSED)
+        if self.is_shortest(state):
+            rule = replace(rule, minimum_cosine=None, largest_defect=math.inf)
+        message = refusal(metric, state.tangent, segment.chord, segment.end.tangent, rule, segment.missed_at)
+        if message is not None:
+            return Rejected(message)
+        return _with_specials(segment, state, options, accept_anyway=self.is_shortest(state))
 
 
 def _along(
@@ -183,33 +242,6 @@ def _place(position: Position, angle: float) -> CurveStart:
     return CurveStart(position.state, (float(first), float(second)), angle=angle)
 
 
-def _attempt(
-    problem: CurveProblem, state: CurveState, options: CurveOptions, metric: PlaneMetric
-) -> _Step | _Rejected:
-    """One step: predict, correct, test, locate.  Rejected means that the step is too long."""
-    cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
-    steps = following_steps(cycles, state.steps, state.step_error)
-    reference = reference_of(cycles, unknowns, steps)
-    segment = _predict_and_correct(problem, state, options, metric, steps, reference)
-    if isinstance(segment, _Rejected):
-        return segment
-    if _passes_start(state, segment):
-        landing = _land_on_start(segment, state, options)
-        if landing is not None and _returned(state, landing.position, metric):
-            segment = replace(segment, end=landing)
-    # the test function of equations that are only piecewise smooth has kinks and corners; curves of one kind
-    # cross in symmetric systems only
-    rule = StepRule(options.minimum_cosine, _MISSED)
-    if _is_shortest(state, options):
-        rule = replace(rule, minimum_cosine=None, largest_defect=math.inf)
-    message = refusal(metric, state.tangent, segment.chord, segment.end.tangent, rule, segment.missed_at)
-    return _with_specials(segment, state, options) if message is None else _Rejected(message)
-
-
-def _is_shortest(state: CurveState, options: CurveOptions) -> bool:
-    return 0.5 * state.step < options.minimum_step
-
-
 def _predict_and_correct(
     problem: CurveProblem,
     state: CurveState,
@@ -217,7 +249,7 @@ def _predict_and_correct(
     metric: PlaneMetric,
     steps: int,
     reference: PhaseReference | None,
-) -> CurveSegment | _Rejected:
+) -> CurveSegment | Rejected:
     """Predictor along the tangent and its bend, arclength corrector; past the end of a range that parameter
     is fixed to it instead.
     """
@@ -228,7 +260,7 @@ def _predict_and_correct(
     basis, frame = state.basis, state.frame
     found: CurveCorrection | None = None
     for _ in range(3):
-        bound = _bound_passed(guess, options)
+        bound = bound_passed(guess.parameters, options.ranges)
         if bound is not None:
             which, value = bound
             share = (value - state.parameters[which]) / (guess.parameters[which] - state.parameters[which])
@@ -238,17 +270,17 @@ def _predict_and_correct(
             break
         found = correct_critical(problem, guess, closing, basis, frame, steps, reference)
         if found.point is None:
-            return _Rejected(found.advice)
+            return Rejected(found.advice)
         guess = found.point.position
-    if found is None or found.point is None or _bound_passed(guess, options) is not None:
-        return _Rejected("the corrector leaves the ranges of the parameters")
+    if found is None or found.point is None or bound_passed(guess.parameters, options.ranges) is not None:
+        return Rejected("the corrector leaves the ranges of the parameters")
     demand, effort = demand_of(problem, found.point, steps), found.iterations
     enough = demand.error <= _REPEATED * problem.options.step_tolerance
     if not enough and demand.steps > steps:
         steps = problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
         again = correct_critical(problem, guess, closing, found.point.basis, frame, steps, reference)
         if again.point is None:
-            return _Rejected(again.advice)
+            return Rejected(again.advice)
         demand = demand_of(problem, again.point, steps)
         found = _one_history(found, again)
     return _segment(problem, state, options, closing, found, reference, (effort, demand.error))
@@ -262,14 +294,14 @@ def _segment(
     found: CurveCorrection,
     reference: PhaseReference | None,
     effort_and_error: tuple[int, float],
-) -> CurveSegment | _Rejected:
+) -> CurveSegment | Rejected:
     if found.point is None:
-        return _Rejected(found.advice)
+        return Rejected(found.advice)
     if closing.metric.norm(found.point.position.minus(state.position)) == 0.0:
-        return _Rejected("the corrector returned to the previous point")
+        return Rejected("the corrector returned to the previous point")
     end = curve_end(found, found.point, closing, state.tangent, options.normal_form, state.frame)
     if end is None:
-        return _Rejected("the tangent is singular")
+        return Rejected("the tangent is singular")
     effort, step_error = effort_and_error
     end = replace(end, point=replace(end.point, effort=effort, step_error=step_error))
     return CurveSegment(
@@ -296,17 +328,9 @@ def _one_history(first: CurveCorrection, second: CurveCorrection) -> CurveCorrec
     )
 
 
-def _bound_passed(guess: Position, options: CurveOptions) -> tuple[int, float] | None:
-    """The first of the two parameters that has left its range, and the end of the range that it passed."""
-    for which, (low, high) in enumerate(options.ranges):
-        if guess.parameters[which] > high:
-            return which, high
-        if guess.parameters[which] < low:
-            return which, low
-    return None
-
-
-def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptions) -> _Step | _Rejected:
+def _with_specials(
+    segment: CurveSegment, state: CurveState, options: CurveOptions, accept_anyway: bool
+) -> _Step | Rejected:
     """Detect and locate the special points of a segment; it is cut where a Neimark-Sacker curve ends."""
     specials: list[SpecialPoint] = []
     unlocated: list[SpecialKind] = []
@@ -316,8 +340,8 @@ def _with_specials(segment: CurveSegment, state: CurveState, options: CurveOptio
         special = bracket.special
         located = locate_special(points, bracket, options.event_tolerance, options.normal_form)
         if located is None:
-            if not _is_shortest(state, options):
-                return _Rejected("a special point inside the step did not converge")
+            if not accept_anyway:
+                return Rejected("a special point inside the step did not converge")
             unlocated.append(special)
             continue
         point, there = located
@@ -357,20 +381,6 @@ def _brackets(points: SegmentPoints, state: CurveState) -> list[Bracket]:
     return brackets
 
 
-def _passes_start(state: CurveState, segment: CurveSegment) -> bool:
-    """Whether the segment passes through, or stops just before, the first point of the curve, which it has
-    left before.
-    """
-    offset = state.start.minus(segment.start)
-    fraction = segment.metric.inner(offset, segment.chord) / segment.length**2
-    return passes_start(
-        state.arclength,
-        segment.length,
-        fraction,
-        lambda at: segment.metric.norm(state.start.minus(segment.guess(at))),
-    )
-
-
 def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptions) -> CurveEnd | None:
     """The point in the plane through the first point across the segment."""
     row = segment.metric.row(segment.chord)
@@ -384,25 +394,3 @@ def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptio
 def _returned(state: CurveState, at: Position, metric: PlaneMetric) -> bool:
     """Whether ``at`` is the first point again."""
     return is_start(state.arclength, state.step, metric.norm(at.minus(state.start)))
-
-
-def _advance(problem: CurveProblem, state: CurveState, step: _Step, options: CurveOptions) -> CurveState:
-    """The state after an accepted step; the step length follows the count of the corrector."""
-    length = adapted_length(
-        state.step,
-        step.end.point.effort,
-        options.target_iterations,
-        options.minimum_step,
-        options.maximum_step,
-    )
-    bend = step.end.tangent.minus(state.tangent).scaled(1.0 / step.length)
-    return replace(
-        state,
-        bend_state=bend.state,
-        bend_period=bend.period,
-        bend_parameters=bend.parameters,
-        index=state.index + 1,
-        step=length,
-        arclength=state.arclength + step.length,
-        **columns_of(problem, step.end),
-    )

@@ -16,6 +16,7 @@ from pipelines.orbits.shooting import (
     Unknowns,
 )
 from pipelines.orbits.system import Matrix, Vector
+from pipelines.orbits.vectors import Combination, Metric
 
 _SHIFT = 2e-5  # central difference of M, in units of the largest entry on the orbit: h^2 against eps/h
 
@@ -28,7 +29,7 @@ class CurveFormulation(StrEnum):
 
 
 @dataclass(frozen=True)
-class Position:
+class Position(Combination):
     """A point or a direction in the space of (s, T, lambda_1, lambda_2): ``state`` (N,), ``parameters``
     (2,).
     """
@@ -37,59 +38,8 @@ class Position:
     period: float
     parameters: Vector
 
-    def plus(self, other: Position, factor: float = 1.0) -> Position:
-        return Position(
-            self.state + factor * other.state,
-            self.period + factor * other.period,
-            self.parameters + factor * other.parameters,
-        )
 
-    def minus(self, other: Position) -> Position:
-        return self.plus(other, -1.0)
-
-    def scaled(self, factor: float) -> Position:
-        return Position(factor * self.state, factor * self.period, factor * self.parameters)
-
-    def dot(self, other: Position) -> float:
-        return float(
-            self.state @ other.state + self.period * other.period + self.parameters @ other.parameters
-        )
-
-
-@dataclass(frozen=True)
-class PlaneMetric:
-    """<u, v> = <u_s, v_s>/N + T_u T_v/T_scale^2 + sum_j l_j m_j/scale_j^2; T counts only when it is
-    unknown.
-    """
-
-    state: float
-    period: float
-    parameters: Vector
-
-    def row(self, direction: Position) -> Position:
-        """The row vector w with w . v = <direction, v>."""
-        return Position(
-            self.state * direction.state,
-            self.period * direction.period,
-            self.parameters * direction.parameters,
-        )
-
-    def inner(self, left: Position, right: Position) -> float:
-        return self.row(left).dot(right)
-
-    def norm(self, direction: Position) -> float:
-        return math.sqrt(self.inner(direction, direction))
-
-    def unit(self, direction: Position) -> Position:
-        return direction.scaled(1.0 / self.norm(direction))
-
-    def largest(self, direction: Position) -> float:
-        """The largest entry of a direction, period and parameters by their scales."""
-        return max(
-            float(np.max(np.abs(direction.state))),
-            math.sqrt(self.period) * abs(direction.period),
-            float(np.max(np.sqrt(self.parameters) * np.abs(direction.parameters))),
-        )
+PlaneMetric = Metric[Position]
 
 
 @dataclass(frozen=True)
@@ -168,7 +118,7 @@ def metric_of(
     one.
     """
     period = 1.0 / period_scale**2 if problem.period_map.autonomous else 0.0
-    return PlaneMetric(1.0 / problem.period_map.size, period, 1.0 / np.array(scales) ** 2)
+    return Metric(period, 1.0 / np.array(scales) ** 2)
 
 
 @dataclass(frozen=True)

@@ -24,12 +24,11 @@ import numpy as np
 from pipelines.bifurcations.branch import BranchStart
 from pipelines.bifurcations.curve import CurveStart, SpecialPoint
 from pipelines.bifurcations.curves.codimension_two import SecondBifurcation, second_bifurcation
-from pipelines.bifurcations.cycles.segment import Metric, metric_of
+from pipelines.bifurcations.cycles.segment import BranchMetric, metric_of
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import (
-    Constraint,
     Cycle,
     CycleProblem,
     NewtonStop,
@@ -41,6 +40,7 @@ from pipelines.orbits.shooting import (
 )
 from pipelines.orbits.system import Vector, size_of
 from pipelines.orbits.time_steps import first_steps
+from pipelines.orbits.vectors import Constraint
 
 _NEAR = 0.5  # distance of the first cycle of another branch from its prediction, in units of the step
 _FARTHER = 1.5  # times the amplitude at which the sense of a new branch is found
@@ -218,7 +218,7 @@ def _flip_vector(cycle: Cycle) -> Vector:
     return np.asarray(vector, dtype=np.float64)
 
 
-def _across(problem: CycleProblem, cycle: Cycle, along: Unknowns, metric: Metric) -> Unknowns:
+def _across(problem: CycleProblem, cycle: Cycle, along: Unknowns, metric: BranchMetric) -> Unknowns:
     """The null direction of a branch point at right angles to the branch, its largest entry one."""
     reference = reference_of(problem, cycle.unknowns, cycle.steps)
     first, second = null_directions(problem, cycle, reference)

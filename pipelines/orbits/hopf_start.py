@@ -17,17 +17,10 @@ import numpy as np
 
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.period_map import PhaseReference
-from pipelines.orbits.shooting import (
-    Constraint,
-    Correction,
-    CycleProblem,
-    NewtonStop,
-    Unknowns,
-    correct,
-    first_basis,
-)
+from pipelines.orbits.shooting import Correction, CycleProblem, NewtonStop, Unknowns, correct, first_basis
 from pipelines.orbits.system import Vector
 from pipelines.orbits.time_steps import first_steps
+from pipelines.orbits.vectors import Constraint
 
 
 def start_at_hopf(

@@ -35,6 +35,7 @@ from pipelines.orbits.floquet import (
 )
 from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, PhaseReference
 from pipelines.orbits.system import Matrix, Vector, size_of
+from pipelines.orbits.vectors import Combination, Constraint
 
 _NUDGE = 4.0 * np.finfo(float).eps  # relative change of a state in its last digits
 _SPARE = 10.0  # tolerance, in residuals that rounding leaves
@@ -109,46 +110,12 @@ class ShootingOptions:
 
 
 @dataclass(frozen=True)
-class Unknowns:
+class Unknowns(Combination):
     """A point or a direction in the space of (s, T, lambda); ``state`` has shape (N,)."""
 
     state: Vector
     period: float
     parameter: float
-
-    def plus(self, other: Unknowns, factor: float = 1.0) -> Unknowns:
-        return Unknowns(
-            self.state + factor * other.state,
-            self.period + factor * other.period,
-            self.parameter + factor * other.parameter,
-        )
-
-    def minus(self, other: Unknowns) -> Unknowns:
-        return self.plus(other, -1.0)
-
-    def scaled(self, factor: float) -> Unknowns:
-        return Unknowns(factor * self.state, factor * self.period, factor * self.parameter)
-
-    def dot(self, other: Unknowns) -> float:
-        return float(self.state @ other.state + self.period * other.period + self.parameter * other.parameter)
-
-
-@dataclass(frozen=True)
-class Constraint:
-    """The closing row: row . (s, T, lambda) = value."""
-
-    row: Unknowns
-    value: float
-
-    def gap(self, unknowns: Unknowns) -> float:
-        return self.row.dot(unknowns) - self.value
-
-    def error(self, unknowns: Unknowns) -> float:
-        """The gap relative to the largest term of the row."""
-        row = self.row
-        states = np.abs(row.state) @ np.abs(unknowns.state)
-        terms = [states, row.period * unknowns.period, row.parameter * unknowns.parameter, self.value]
-        return abs(self.gap(unknowns)) / size_of(np.array(terms))
 
 
 @dataclass(frozen=True)
@@ -185,7 +152,7 @@ class CycleProblem:
             return unknowns
         return replace(unknowns, period=self.period_map.period(self.parameters_at(unknowns.parameter)))
 
-    def fixed_parameter(self, value: float) -> Constraint:
+    def fixed_parameter(self, value: float) -> Constraint[Unknowns]:
         """lambda = value."""
         return Constraint(Unknowns(np.zeros(self.period_map.size), 0.0, 1.0), value)
 
@@ -251,7 +218,7 @@ def advice_of(stop: NewtonStop, sizes: Sequence[float]) -> str:
 def correct(
     problem: CycleProblem,
     guess: Unknowns,
-    constraint: Constraint,
+    constraint: Constraint[Unknowns],
     basis: Matrix,
     steps: int,
     reference: PhaseReference | None = None,

@@ -18,11 +18,12 @@ from pipelines.bifurcations.switching import doubled_branch
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
+from pipelines.orbits.vectors import Metric
 from tests.bifurcations.curve_runs import FLIP, NS, trace
 from tests.systems import tondl
 
 PLANE = ((-0.1, 0.25), (0.4, 4.6))
-FLAT = PlaneMetric(1.0, 0.0, np.ones(2))
+FLAT: PlaneMetric = Metric(0.0, np.ones(2))
 
 
 def vector(x: float, y: float) -> Position:

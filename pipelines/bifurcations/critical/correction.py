@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from pipelines.bifurcations.critical.critical_cycles import (
     Critical,
 )
@@ -24,7 +22,8 @@ from pipelines.orbits.shooting import (
     advice_of,
     is_rounding,
 )
-from pipelines.orbits.system import Matrix, size_of
+from pipelines.orbits.system import Matrix
+from pipelines.orbits.vectors import Constraint
 
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 _STALLED = 0.5  # reduction of g in one step that asks for its exact derivatives
@@ -32,28 +31,16 @@ _PATIENCE = 4  # steps without getting on: with exact derivatives it does not ei
 
 
 @dataclass(frozen=True)
-class Closing:
+class Closing(Constraint[Position]):
     """What fixes one point of a curve: row . u = value.
 
     ``across``: a row that tells the second tangent of the surface from the first; ``gradient``: the row
     gamma of the test function; ``metric`` measures its Broyden updates.
     """
 
-    row: Position
-    value: float
     across: Position
     gradient: Position
     metric: PlaneMetric
-
-    def gap(self, position: Position) -> float:
-        return self.row.dot(position) - self.value
-
-    def error(self, position: Position) -> float:
-        """The gap relative to the largest term of the row."""
-        row = self.row
-        states = np.abs(row.state) @ np.abs(position.state)
-        terms = [states, row.period * position.period, *(row.parameters * position.parameters), self.value]
-        return abs(self.gap(position)) / size_of(np.array(terms))
 
 
 @dataclass(frozen=True)

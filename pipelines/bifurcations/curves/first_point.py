@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.bifurcations.continuation import period_scale
+from pipelines.bifurcations.continuation import Rejected, period_scale
 from pipelines.bifurcations.critical.bordering import first_frame, vectors_of
 from pipelines.bifurcations.critical.correction import Closing, CriticalCycle
 from pipelines.bifurcations.critical.corrector import correct_critical
@@ -24,10 +24,8 @@ from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.curve import (
     CurveOptions,
     CurvePoint,
-    CurveResult,
     CurveStart,
     CurveState,
-    CurveStop,
 )
 from pipelines.bifurcations.curves.codimension_two import resonant_end
 from pipelines.bifurcations.curves.segment import CurveEnd, curve_end
@@ -52,7 +50,7 @@ from pipelines.orbits.time_steps import StepDemand, demand_at, first_steps
 
 def open_curve(
     problem: CurveProblem, start: CurveStart, options: CurveOptions
-) -> tuple[CurvePoint, CurveState] | CurveResult:
+) -> tuple[CurvePoint, CurveState] | Rejected:
     """Correct the guess at right angles to the curve and orient the curve."""
     for name, value, interval in zip(problem.names, start.parameters, options.ranges, strict=True):
         if not interval[0] <= value <= interval[1]:
@@ -64,7 +62,7 @@ def open_curve(
     metric = metric_from(problem, options, guess)
     steps = first_steps(cycles, unknowns)
     if isinstance(steps, NewtonStop):
-        return CurveResult(CurveStop.START_FAILED, None, steps.advice)
+        return Rejected(steps.advice)
     opened = _open_with(problem, start, options, metric, guess, first_basis(cycles, unknowns, steps), steps)
     if isinstance(opened, CurveEnd):
         demand = demand_of(problem, opened, steps)
@@ -74,7 +72,7 @@ def open_curve(
             if isinstance(opened, CurveEnd):
                 demand = demand_of(problem, opened, steps)
     if isinstance(opened, str):
-        return CurveResult(CurveStop.START_FAILED, None, opened)
+        return Rejected(opened)
     if resonant_end(problem.kind, opened.point.kappa) is not None:
         opened = _facing_inwards(problem, opened, options, metric)
     opened = replace(opened, point=replace(opened.point, step_error=demand.error))

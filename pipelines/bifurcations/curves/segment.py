@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from pipelines.bifurcations.continuation import hermite_weights
+from pipelines.bifurcations.continuation import CubicPiece, hermite_weights
 from pipelines.bifurcations.critical.bordering import following_frame
 from pipelines.bifurcations.critical.correction import Closing, CriticalCycle, CurveCorrection
 from pipelines.bifurcations.critical.corrector import correct_critical, settled
@@ -198,7 +198,7 @@ class Anchor:
 
 
 @dataclass(frozen=True)
-class CurveSegment:
+class CurveSegment(CubicPiece[Position]):
     """The curve between two corrected points with their unit tangents, both discretised with ``steps``.
 
     ``basis``, ``frame``, ``across``, ``gradient``, ``reference``: what the points between them are corrected
@@ -217,23 +217,9 @@ class CurveSegment:
     steps: int
     reference: PhaseReference | None
 
-    @property
-    def chord(self) -> Position:
-        return self.end.position.minus(self.start)
-
-    @property
-    def length(self) -> float:
-        return self.metric.norm(self.chord)
-
-    def guess(self, fraction: float) -> Position:
-        """Cubic Hermite interpolation of the curve."""
-        start, start_tangent, end, end_tangent = hermite_weights(fraction, self.length)
-        return (
-            self.start.scaled(start)
-            .plus(self.start_tangent, start_tangent)
-            .plus(self.end.position, end)
-            .plus(self.end.tangent, end_tangent)
-        )
+    def ends(self) -> tuple[Position, Position, Position, Position]:
+        """Start, unit tangent there, end, unit tangent there."""
+        return self.start, self.start_tangent, self.end.position, self.end.tangent
 
     @property
     def anchors(self) -> tuple[Anchor, Anchor]:

@@ -81,7 +81,7 @@ def _crossing_cycle(segment: Segment, problem: CycleProblem, parts: int, critica
     cycles = _CrossingCycles(problem, guess, segment.end.steps // parts, critical)
     # on the side that the branch does not reach there are the crossing cycles alone
     outwards = 1.0 if segment.start_tangent.parameter > 0.0 else -1.0
-    move = outwards * _FIRST_MOVE * segment.length / segment.metric.parameter**0.5
+    move = outwards * _FIRST_MOVE * segment.length / math.sqrt(float(segment.metric.parameters))
     try:
         root = root_scalar(
             cycles.test,

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pipelines.bifurcations.continuation import hermite_slopes, hermite_weights
+from pipelines.bifurcations.continuation import CubicPiece
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import (
-    Constraint,
     Correction,
     Cycle,
     CycleProblem,
@@ -17,40 +16,21 @@ from pipelines.orbits.shooting import (
     correct,
 )
 from pipelines.orbits.system import Matrix
+from pipelines.orbits.vectors import Constraint, Metric
+
+BranchMetric = Metric[Unknowns]
 
 
-@dataclass(frozen=True)
-class Metric:
-    """<u, v> = <u_s, v_s>/N + T_u T_v/T_scale^2 + l_u l_v/scale^2; T counts only when it is unknown.
-
-    The mean square of the state makes a step mean the same on every grid.
-    """
-
-    state: float
-    period: float
-    parameter: float
-
-    def row(self, direction: Unknowns) -> Unknowns:
-        """The row vector w with w . v = <direction, v>."""
-        return Unknowns(
-            self.state * direction.state, self.period * direction.period, self.parameter * direction.parameter
-        )
-
-    def inner(self, left: Unknowns, right: Unknowns) -> float:
-        return self.row(left).dot(right)
-
-    def norm(self, direction: Unknowns) -> float:
-        return float(self.inner(direction, direction) ** 0.5)
-
-
-def metric_of(problem: CycleProblem, parameter_scale: float, period_scale: float = 2.0 * math.pi) -> Metric:
+def metric_of(
+    problem: CycleProblem, parameter_scale: float, period_scale: float = 2.0 * math.pi
+) -> BranchMetric:
     """The metric for a problem; the scales are changes of parameter and period that count as one."""
     period = 1.0 / period_scale**2 if problem.period_map.autonomous else 0.0
-    return Metric(1.0 / problem.period_map.size, period, 1.0 / parameter_scale**2)
+    return Metric(period, 1.0 / parameter_scale**2)
 
 
 @dataclass(frozen=True)
-class Segment:
+class Segment(CubicPiece[Unknowns]):
     """The branch between two corrected cycles with their unit tangents, both discretised with ``end.steps``.
 
     ``basis`` and ``reference``: slow subspace and phase condition for the cycles between them.
@@ -58,7 +38,7 @@ class Segment:
     """
 
     problem: CycleProblem
-    metric: Metric
+    metric: BranchMetric
     start: Unknowns
     start_tangent: Unknowns
     start_multipliers: Complex
@@ -67,30 +47,9 @@ class Segment:
     basis: Matrix
     reference: PhaseReference | None
 
-    @property
-    def chord(self) -> Unknowns:
-        return self.end.unknowns.minus(self.start)
-
-    @property
-    def length(self) -> float:
-        return self.metric.norm(self.chord)
-
-    def guess(self, fraction: float) -> Unknowns:
-        """Cubic Hermite interpolation of the branch."""
-        return self._combined(hermite_weights(fraction, self.length))
-
-    def direction(self, fraction: float) -> Unknowns:
-        """Derivative of the cubic by arclength."""
-        return self._combined(hermite_slopes(fraction, self.length))
-
-    def _combined(self, weights: tuple[float, float, float, float]) -> Unknowns:
-        start, start_tangent, end, end_tangent = weights
-        return (
-            self.start.scaled(start)
-            .plus(self.start_tangent, start_tangent)
-            .plus(self.end.unknowns, end)
-            .plus(self.end_tangent, end_tangent)
-        )
+    def ends(self) -> tuple[Unknowns, Unknowns, Unknowns, Unknowns]:
+        """Start, unit tangent there, end, unit tangent there."""
+        return self.start, self.start_tangent, self.end.unknowns, self.end_tangent
 
     def correct_at(self, fraction: float) -> Correction:
         """The cycle at a fraction of the segment."""

@@ -13,12 +13,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from pipelines.bifurcations.acceptance import StepRule, refusal
-from pipelines.bifurcations.continuation import adapted_length, hermite_weights
+from pipelines.bifurcations.continuation import (
+    CubicPiece,
+    Rejected,
+    Tracer,
+    adapted_length,
+    bound_passed,
+    follow,
+    leaves_ranges,
+)
 from pipelines.bifurcations.tori.fourier import amplitudes, nearest_fraction, resampled, tail
 from pipelines.bifurcations.tori.invariant_curve import (
     Torus,
@@ -29,7 +37,6 @@ from pipelines.bifurcations.tori.invariant_curve import (
     torus_tangent,
 )
 from pipelines.bifurcations.tori.problem import (
-    TorusConstraint,
     TorusMetric,
     TorusProblem,
     TorusUnknowns,
@@ -48,6 +55,7 @@ from pipelines.bifurcations.tori.torus import (
     TorusStop,
 )
 from pipelines.orbits.system import Matrix, size_of
+from pipelines.orbits.vectors import Constraint
 
 _SPARE = 0.1  # share of the tolerance below which half of the angles are dropped
 _ROUGH_STEP = 0.25  # of the step after a torus that was too rough: such an attempt is dear
@@ -75,30 +83,8 @@ def continue_torus(
     TorusResult.
     """
     metric = metric_of(problem, start.parameter, options.parameter_scale)
-    if isinstance(start, TorusState):
-        state = start
-    else:
-        opened = _open_branch(problem, start, options, metric)
-        if isinstance(opened, TorusResult):
-            return opened
-        point, state = opened
-        if limit is not None and (message := limit(point)) is not None:
-            return TorusResult(TorusStop.LIMIT, None, message)
-        record(point, state)
-    while (stop := _stop_reason(state, options)) is None:
-        if should_stop is not None and should_stop():
-            return TorusResult(TorusStop.INTERRUPTED, state)
-        step = _attempt(problem, state, options, metric)
-        if isinstance(step, _Rejected):
-            if 0.5 * state.step < options.minimum_step:
-                return TorusResult(step.ending, state, step.message)
-            state = replace(state, step=max(step.factor * state.step, options.minimum_step))
-            continue
-        if limit is not None and (message := limit(step.point)) is not None:
-            return TorusResult(TorusStop.LIMIT, state, message)
-        state = _advance(problem, state, step, options)
-        record(step.point, state)
-    return TorusResult(stop, state)
+    tracer = _Tori(problem, options, metric)
+    return follow(tracer, start, lambda point, state, _: record(point, state), limit, should_stop)
 
 
 @dataclass(frozen=True)
@@ -108,134 +94,140 @@ class _Step:
     point: TorusPoint
     tangent: TorusUnknowns
     length: float
+    found: tuple[()] = ()
 
 
 @dataclass(frozen=True)
-class _Rejected:
-    """Why a step is too long, and how the branch ends if it cannot be shorter."""
+class _Segment(CubicPiece[TorusUnknowns]):
+    """The branch between two tori on the angles of the second."""
 
-    message: str
-    ending: TorusStop = TorusStop.MINIMUM_STEP
-    factor: float = 0.5
+    problem: TorusProblem
+    metric: TorusMetric
+    state: TorusState
+    torus: Torus
+    tangent: TorusUnknowns
 
+    def ends(self) -> tuple[TorusUnknowns, TorusUnknowns, TorusUnknowns, TorusUnknowns]:
+        """Start, unit tangent there, end, unit tangent there."""
+        count = self.torus.count
+        before, tangent = self.state.unknowns.resampled(count), self.state.tangent.resampled(count)
+        return before, tangent, self.torus.unknowns, self.tangent
 
-def _open_branch(
-    problem: TorusProblem, start: TorusStart, options: TorusOptions, metric: TorusMetric
-) -> tuple[TorusPoint, TorusState] | TorusResult:
-    """Correct the guess at its fixed parameter and orient the branch."""
-    if not options.range[0] <= start.parameter <= options.range[1]:
-        raise ValueError(f"the start {start.parameter} lies outside the range {options.range}")
-    guess = TorusUnknowns(np.array(start.states, dtype=float), start.rotation, start.parameter)
-    count = len(guess.states)
-    constraint = fixed_parameter(problem, count, start.parameter)
-    correction = correct_torus(problem, guess, constraint, start.bases, _reference(problem, guess))
-    torus = correction.torus
-    if torus is None:
-        return TorusResult(TorusStop.START_FAILED, None, correction.stop.advice)
-    if correction.rough:
-        return TorusResult(TorusStop.START_FAILED, None, _roughness(problem, torus))
-    if _collapsed(problem, torus.unknowns, guess):
-        return TorusResult(TorusStop.START_FAILED, None, TorusStop.COLLAPSED.advice)
-    torus, spectrum = settled_spectrum(problem, torus)
-    row = TorusUnknowns(np.zeros_like(torus.unknowns.states), 0.0, float(options.direction))
-    tangent = torus_tangent(problem, torus, row, _reference(problem, torus.unknowns))
-    if tangent is None:
-        return TorusResult(TorusStop.START_FAILED, None, "the parameter turns at the first point")
-    tangent = tangent.scaled(1.0 / metric.norm(tangent))
-    state = _state(problem, torus, spectrum, tangent, 0, options.step, 0.0)
-    return TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms), state
+    def missed_at(self, fraction: float) -> float:
+        """Distance of the torus at a fraction from the cubic.
+
+        Zero when there is no such torus: in a resonance, where nothing can be told of the step.
+        """
+        cubic, row = self.guess(fraction), self.metric.row(self.chord)
+        constraint = Constraint(row, row.dot(self.ends()[0]) + fraction * row.dot(self.chord))
+        bases = self.state.slow_bases.resampled(len(cubic.states))
+        reference = _reference(self.problem, cubic)
+        torus = correct_on_angles(self.problem, cubic, constraint, bases, reference).torus
+        return 0.0 if torus is None else self.metric.norm(torus.unknowns.minus(cubic))
 
 
-def _stop_reason(state: TorusState, options: TorusOptions) -> TorusStop | None:
-    """Why nothing follows a state; told by the state alone, so that a restart from it ends at once."""
-    low, high = options.range
-    outward_high = state.parameter >= high and state.tangent_parameter > 0.0
-    outward_low = state.parameter <= low and state.tangent_parameter < 0.0
-    if outward_high or outward_low:
-        return TorusStop.RANGE
-    return TorusStop.MAXIMUM_POINTS if state.index + 1 >= options.max_points else None
+@dataclass(frozen=True)
+class _Tori(Tracer[TorusState, _Step]):
+    """A branch of tori for the driver."""
 
+    problem: TorusProblem
+    options: TorusOptions
+    metric: TorusMetric
+    stops = TorusStop
 
-def _attempt(
-    problem: TorusProblem, state: TorusState, options: TorusOptions, metric: TorusMetric
-) -> _Step | _Rejected:
-    """One step: predict, correct, test.  Rejected means that the step is too long."""
-    correction = _predict_and_correct(problem, state, options, metric)
-    torus = correction.torus
-    if torus is None:
-        resonance = "" if _known(problem, state.parameter) else f" ({_resonance(state.rotation)})"
-        return _Rejected(correction.stop.advice + resonance)
-    if correction.rough:
-        return _Rejected(_roughness(problem, torus), TorusStop.ROUGH, _ROUGH_STEP)
-    if _collapsed(problem, torus.unknowns, state.unknowns):
-        return _Rejected(f"at {state.parameter:.8g} the torus is nearly a cycle", TorusStop.COLLAPSED)
-    before, tangent_before = state.unknowns.resampled(torus.count), state.tangent.resampled(torus.count)
-    chord = torus.unknowns.minus(before)
-    length = metric.norm(chord)
-    if length == 0.0:
-        return _Rejected("the corrector returned to the previous point")
-    tangent = torus_tangent(problem, torus, metric.row(chord), _reference(problem, torus.unknowns))
-    if tangent is None:
-        return _Rejected("the tangent is singular")
-    tangent = tangent.scaled(1.0 / metric.norm(tangent))
-    ends = (before, tangent_before, torus.unknowns, tangent)
-    rule = StepRule(options.minimum_cosine, _MISSED, _DOUBTFUL_DEFECT, math.inf)
-    message = refusal(
-        metric, tangent_before, chord, tangent, rule, lambda at: _missed(problem, state, metric, ends, at)
-    )
-    if message is not None:
-        return _Rejected(message)
-    torus, spectrum = settled_spectrum(problem, torus)
-    point = TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms)
-    return _Step(point, tangent, length)
+    def open(self, start: TorusStart) -> tuple[TorusPoint, TorusState] | Rejected:
+        """Correct the guess at its fixed parameter and orient the branch."""
+        problem, options = self.problem, self.options
+        if not options.range[0] <= start.parameter <= options.range[1]:
+            raise ValueError(f"the start {start.parameter} lies outside the range {options.range}")
+        guess = TorusUnknowns(np.array(start.states, dtype=float), start.rotation, start.parameter)
+        count = len(guess.states)
+        constraint = fixed_parameter(problem, count, start.parameter)
+        correction = correct_torus(problem, guess, constraint, start.bases, _reference(problem, guess))
+        torus = correction.torus
+        if torus is None:
+            return Rejected(correction.stop.advice)
+        if correction.rough:
+            return Rejected(_roughness(problem, torus))
+        if _collapsed(problem, torus.unknowns, guess):
+            return Rejected(TorusStop.COLLAPSED.advice)
+        torus, spectrum = settled_spectrum(problem, torus)
+        row = TorusUnknowns(np.zeros_like(torus.unknowns.states), 0.0, float(options.direction))
+        tangent = torus_tangent(problem, torus, row, _reference(problem, torus.unknowns))
+        if tangent is None:
+            return Rejected("the parameter turns at the first point")
+        tangent = self.metric.unit(tangent)
+        state = _state(problem, torus, spectrum, tangent, 0, options.step, 0.0)
+        return TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms), state
 
+    def stop_reason(self, state: TorusState) -> TorusStop | None:
+        """Why nothing follows a state."""
+        if leaves_ranges((state.parameter,), (state.tangent_parameter,), (self.options.range,)):
+            return TorusStop.RANGE
+        return TorusStop.MAXIMUM_POINTS if state.index + 1 >= self.options.max_points else None
 
-def _missed(
-    problem: TorusProblem,
-    state: TorusState,
-    metric: TorusMetric,
-    ends: tuple[TorusUnknowns, TorusUnknowns, TorusUnknowns, TorusUnknowns],
-    fraction: float,
-) -> float:
-    """Distance of the torus at a fraction between two from the cubic through both.
+    def attempt(self, state: TorusState) -> _Step | Rejected:
+        """One step: predict, correct, test."""
+        problem, metric = self.problem, self.metric
+        correction = self._predict_and_correct(state)
+        torus = correction.torus
+        if torus is None:
+            resonance = "" if _known(problem, state.parameter) else f" ({_resonance(state.rotation)})"
+            return Rejected(correction.stop.advice + resonance)
+        if correction.rough:
+            return Rejected(_roughness(problem, torus), TorusStop.ROUGH, _ROUGH_STEP)
+        if _collapsed(problem, torus.unknowns, state.unknowns):
+            return Rejected(f"at {state.parameter:.8g} the torus is nearly a cycle", TorusStop.COLLAPSED)
+        chord = torus.unknowns.minus(state.unknowns.resampled(torus.count))
+        if metric.norm(chord) == 0.0:
+            return Rejected("the corrector returned to the previous point")
+        tangent = torus_tangent(problem, torus, metric.row(chord), _reference(problem, torus.unknowns))
+        if tangent is None:
+            return Rejected("the tangent is singular")
+        segment = _Segment(problem, metric, state, torus, metric.unit(tangent))
+        rule = StepRule(self.options.minimum_cosine, _MISSED, _DOUBTFUL_DEFECT, math.inf)
+        _, tangent_before, _, tangent = segment.ends()
+        message = refusal(metric, tangent_before, chord, tangent, rule, segment.missed_at)
+        if message is not None:
+            return Rejected(message)
+        torus, spectrum = settled_spectrum(problem, torus)
+        point = TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms)
+        return _Step(point, tangent, segment.length)
 
-    ``ends``: start, unit tangent there, end, unit tangent there.  Zero when there is no such torus: in a
-    resonance, where nothing can be told of the step.
-    """
-    chord = ends[2].minus(ends[0])
-    weights = hermite_weights(fraction, metric.norm(chord))
-    cubic = ends[0].scaled(weights[0])
-    for weight, part in zip(weights[1:], ends[1:], strict=True):
-        cubic = cubic.plus(part, weight)
-    row = metric.row(chord)
-    constraint = TorusConstraint(row, row.dot(ends[0]) + fraction * row.dot(chord))
-    bases = state.slow_bases.resampled(len(cubic.states))
-    torus = correct_on_angles(problem, cubic, constraint, bases, _reference(problem, cubic)).torus
-    return 0.0 if torus is None else metric.norm(torus.unknowns.minus(cubic))
+    def advance(self, state: TorusState, step: _Step) -> TorusState:
+        """The state after an accepted step; the step length follows the count of the corrector."""
+        options, point = self.options, step.point
+        length = adapted_length(
+            state.step,
+            point.iterations,
+            options.target_iterations,
+            options.minimum_step,
+            options.maximum_step,
+        )
+        index, arclength = state.index + 1, state.arclength + step.length
+        return _state(self.problem, point.torus, point.spectrum, step.tangent, index, length, arclength)
 
-
-def _predict_and_correct(
-    problem: TorusProblem, state: TorusState, options: TorusOptions, metric: TorusMetric
-) -> TorusCorrection:
-    """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it
-    instead.
-    """
-    row = metric.row(state.tangent)
-    guess = state.unknowns.plus(state.tangent, state.step)
-    constraint = TorusConstraint(row, row.dot(state.unknowns) + state.step)
-    reference = _reference(problem, state.unknowns)
-    bound = _bound_passed(guess.parameter, options.range)
-    if bound is not None:
-        return _correct_on_bound(problem, state, guess, bound, reference)
-    correction = correct_torus(problem, guess, constraint, state.slow_bases, reference)
-    if correction.torus is None:
-        return correction
-    found = correction.torus.unknowns
-    bound = _bound_passed(found.parameter, options.range)
-    if bound is None:
-        return correction
-    found = found.resampled(len(state.states))
-    return one_history(correction, _correct_on_bound(problem, state, found, bound, reference))
+    def _predict_and_correct(self, state: TorusState) -> TorusCorrection:
+        """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it
+        instead.
+        """
+        problem, ranges = self.problem, (self.options.range,)
+        row = self.metric.row(state.tangent)
+        guess = state.unknowns.plus(state.tangent, state.step)
+        constraint = Constraint(row, row.dot(state.unknowns) + state.step)
+        reference = _reference(problem, state.unknowns)
+        passed = bound_passed((guess.parameter,), ranges)
+        if passed is not None:
+            return _correct_on_bound(problem, state, guess, passed[1], reference)
+        correction = correct_torus(problem, guess, constraint, state.slow_bases, reference)
+        if correction.torus is None:
+            return correction
+        found = correction.torus.unknowns
+        passed = bound_passed((found.parameter,), ranges)
+        if passed is None:
+            return correction
+        found = found.resampled(len(state.states))
+        return one_history(correction, _correct_on_bound(problem, state, found, passed[1], reference))
 
 
 def _correct_on_bound(
@@ -246,12 +238,6 @@ def _correct_on_bound(
     guess = state.unknowns.plus(beyond.minus(state.unknowns), share)
     constraint = fixed_parameter(problem, len(state.states), bound)
     return correct_torus(problem, guess, constraint, state.slow_bases, reference)
-
-
-def _bound_passed(parameter: float, interval: tuple[float, float]) -> float | None:
-    if parameter > interval[1]:
-        return interval[1]
-    return interval[0] if parameter < interval[0] else None
 
 
 def _known(problem: TorusProblem, parameter: float) -> bool:
@@ -272,26 +258,6 @@ def _collapsed(problem: TorusProblem, unknowns: TorusUnknowns, before: TorusUnkn
     new, old = unknowns.states, resampled(before.states, len(unknowns.states))
     old = old - old.mean(axis=0)
     return bool(np.vdot(new - new.mean(axis=0), old) <= _NOTHING * np.vdot(old, old))
-
-
-def _advance(problem: TorusProblem, state: TorusState, step: _Step, options: TorusOptions) -> TorusState:
-    """The state after an accepted step; the step length follows the count of the corrector."""
-    length = adapted_length(
-        state.step,
-        step.point.iterations,
-        options.target_iterations,
-        options.minimum_step,
-        options.maximum_step,
-    )
-    return _state(
-        problem,
-        step.point.torus,
-        step.point.spectrum,
-        step.tangent,
-        state.index + 1,
-        length,
-        state.arclength + step.length,
-    )
 
 
 def _state(

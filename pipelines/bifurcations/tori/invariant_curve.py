@@ -38,7 +38,12 @@ from pipelines.bifurcations.tori.fourier import (
     shift_matrix,
     tail,
 )
-from pipelines.bifurcations.tori.problem import TorusConstraint, TorusProblem, TorusUnknowns
+from pipelines.bifurcations.tori.problem import (
+    TorusConstraint,
+    TorusProblem,
+    TorusUnknowns,
+    resampled_constraint,
+)
 from pipelines.bifurcations.tori.slow_bases import SlowBases
 from pipelines.bifurcations.tori.system import (
     CirclePass,
@@ -112,7 +117,7 @@ def correct_torus(
         count = 2 * correction.torus.count + 1
         if count > problem.fourier.most:
             return replace(correction, rough=True)
-        constraint = constraint.resampled(count)
+        constraint = resampled_constraint(constraint, count)
         reference = None if reference is None else resampled(reference, count)
         finer = correct_on_angles(
             problem,

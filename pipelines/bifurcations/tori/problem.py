@@ -10,7 +10,8 @@ import numpy as np
 from pipelines.bifurcations.tori.circle_map import CircleMap
 from pipelines.bifurcations.tori.fourier import resampled
 from pipelines.orbits.shooting import ShootingOptions
-from pipelines.orbits.system import Matrix, size_of
+from pipelines.orbits.system import Matrix
+from pipelines.orbits.vectors import Combination, Constraint, Metric
 
 
 @dataclass(frozen=True)
@@ -51,60 +52,27 @@ class TorusProblem:
 
 
 @dataclass(frozen=True)
-class TorusUnknowns:
+class TorusUnknowns(Combination):
     """A point or a direction in the space of (X, rho, lambda); ``states`` has shape (M, N)."""
 
     states: Matrix
     rotation: float
     parameter: float
 
-    def plus(self, other: TorusUnknowns, factor: float = 1.0) -> TorusUnknowns:
-        return TorusUnknowns(
-            self.states + factor * other.states,
-            self.rotation + factor * other.rotation,
-            self.parameter + factor * other.parameter,
-        )
-
-    def minus(self, other: TorusUnknowns) -> TorusUnknowns:
-        return self.plus(other, -1.0)
-
-    def scaled(self, factor: float) -> TorusUnknowns:
-        return TorusUnknowns(factor * self.states, factor * self.rotation, factor * self.parameter)
-
-    def dot(self, other: TorusUnknowns) -> float:
-        return float(
-            np.vdot(self.states, other.states)
-            + self.rotation * other.rotation
-            + self.parameter * other.parameter
-        )
-
     def resampled(self, count: int) -> TorusUnknowns:
         """The same curve or direction at another number of angles."""
         return replace(self, states=resampled(self.states, count))
 
 
-@dataclass(frozen=True)
-class TorusConstraint:
-    """The closing row: row . (X, rho, lambda) = value."""
+TorusConstraint = Constraint[TorusUnknowns]
+TorusMetric = Metric[TorusUnknowns]
 
-    row: TorusUnknowns
-    value: float
 
-    def gap(self, unknowns: TorusUnknowns) -> float:
-        return self.row.dot(unknowns) - self.value
-
-    def error(self, unknowns: TorusUnknowns) -> float:
-        """The gap relative to the largest term of the row."""
-        row = self.row
-        states = float(np.sum(np.abs(row.states * unknowns.states)))
-        terms = [states, row.rotation * unknowns.rotation, row.parameter * unknowns.parameter, self.value]
-        return abs(self.gap(unknowns)) / size_of(np.array(terms))
-
-    def resampled(self, count: int) -> TorusConstraint:
-        """The same condition on a curve with another number of angles: a mean over them."""
-        old = len(self.row.states)
-        row = self.row.resampled(count)
-        return replace(self, row=replace(row, states=row.states * (old / count)))
+def resampled_constraint(constraint: TorusConstraint, count: int) -> TorusConstraint:
+    """The same condition on a curve with another number of angles: a mean over them."""
+    old = len(constraint.row.states)
+    row = constraint.row.resampled(count)
+    return replace(constraint, row=replace(row, states=row.states * (old / count)))
 
 
 def fixed_parameter(problem: TorusProblem, count: int, value: float) -> TorusConstraint:
@@ -112,32 +80,7 @@ def fixed_parameter(problem: TorusProblem, count: int, value: float) -> TorusCon
     return TorusConstraint(TorusUnknowns(np.zeros((count, problem.circle.size)), 0.0, 1.0), value)
 
 
-@dataclass(frozen=True)
-class TorusMetric:
-    """<u, v> = mean over angles and entries of x_u x_v + rho_u rho_v/(2 pi)^2 + l_u l_v/scale^2.
-
-    rho counts only when it is unknown.
-    """
-
-    rotation: float
-    parameter: float
-
-    def row(self, direction: TorusUnknowns) -> TorusUnknowns:
-        """The row vector w with w . v = <direction, v>."""
-        return TorusUnknowns(
-            direction.states / direction.states.size,
-            self.rotation * direction.rotation,
-            self.parameter * direction.parameter,
-        )
-
-    def inner(self, left: TorusUnknowns, right: TorusUnknowns) -> float:
-        return self.row(left).dot(right)
-
-    def norm(self, direction: TorusUnknowns) -> float:
-        return math.sqrt(self.inner(direction, direction))
-
-
 def metric_of(problem: TorusProblem, parameter: float, scale: float) -> TorusMetric:
     """The metric at a parameter; ``scale``: change of the parameter that counts as one."""
     unknown = problem.circle.rotation(parameter) is None
-    return TorusMetric(1.0 / (2.0 * math.pi) ** 2 if unknown else 0.0, 1.0 / scale**2)
+    return Metric(1.0 / (2.0 * math.pi) ** 2 if unknown else 0.0, 1.0 / scale**2)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from pipelines.bifurcations.continuation import PlainState, refuse_misfits
+from pipelines.bifurcations.continuation import Result, ResumableState, refuse_misfits
 from pipelines.bifurcations.tori.fourier import Array
 from pipelines.bifurcations.tori.invariant_curve import Torus
 from pipelines.bifurcations.tori.problem import TorusUnknowns
@@ -72,7 +72,7 @@ class TorusStart:
 
 
 @dataclass(frozen=True)
-class TorusState(PlainState):
+class TorusState(ResumableState):
     """Everything the next step depends on, as plain arrays and numbers.
 
     A branch restarted from a copy of it continues with the same bits.  ``states``, ``tangent_states`` (M, N),
@@ -126,14 +126,6 @@ class TorusPoint:
         return self.spectrum.unstable == 0
 
 
-@dataclass(frozen=True)
-class TorusResult:
-    """How a branch ended; ``message`` says more, for instance which resonance is near."""
-
-    stop: TorusStop
-    state: TorusState | None
-    message: str = ""
-
-
+TorusResult = Result[TorusState]
 TorusRecord = Callable[[TorusPoint, TorusState], None]
 TorusLimit = Callable[[TorusPoint], str | None]
