@@ -15,6 +15,8 @@ from tests.benchmarks.arithmetic import film_multiply_adds
 from tests.benchmarks.brusselator import FREQUENCY, START, chain
 from tests.benchmarks.measuring import growth_exponent, interleaved
 
+pytestmark = pytest.mark.slow
+
 NAMES = {
     "tangent_batch_ratio": {
         *("tangent_batch_ratio", "period_map", "period_map_columns"),

@@ -67,6 +67,7 @@ def test_a_curve_beside_another_one(longest: float, scale: float) -> None:
     assert np.allclose(run.points[-1].parameters, [0.06632612, 0.61223359], rtol=0, atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("scales", [(0.05, 0.5), (1.0, 1.0), (1e-4, 1e-3)])
 def test_an_oval_closes_at_every_scale(scales: tuple[float, float], direction: int) -> None:
@@ -91,6 +92,7 @@ def simple_cycles() -> tuple[CycleProblem, list[Event]]:
     return problem, events
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", [0, 1])
 @pytest.mark.parametrize(("longest", "amplitude"), [(0.1, 0.02), (0.05, 0.02), (0.1, 0.05)])
 def test_a_doubled_branch_passes_its_own_period_doublings(

@@ -126,6 +126,7 @@ def test_closed_curve_is_recognised(direction: int) -> None:
     assert rest[-1][1].index == rows[-1][1].index
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.02, 0.07, 0.1])
 @pytest.mark.parametrize("level", [0.0, 0.6, -0.95])
 def test_closed_curve_stays_closed_after_a_restart(step: float, level: float) -> None:
@@ -197,6 +198,7 @@ def bits(row: Row) -> bytes:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(RESTARTED))
 def test_restart_from_copied_arrays_gives_the_same_bits(name: str) -> None:
     """Twice n points in one go; n points, a new state from copied arrays in another memory order, n more."""

@@ -67,6 +67,7 @@ def test_pitchfork(pitchfork: tuple[CycleProblem, Event], side: float) -> None:
         assert at.period == pytest.approx(2 * math.pi / (1 + SHIFT * at.state[2]), abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("longest", [0.2, 0.1, 0.05, 0.025])
 @pytest.mark.parametrize("scale", [0.1, 1.0, 100.0])
 @pytest.mark.parametrize("side", [1.0, -1.0])

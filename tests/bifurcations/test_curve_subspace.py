@@ -68,6 +68,7 @@ def tabulated(kind: str, eta: float):  # type: ignore[no-untyped-def]
     return start(state, (float(row["c1"]), eta), float(row["theta"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formulation", list(CurveFormulation))
 @pytest.mark.parametrize(
     ("kind", "eta", "target", "direction"),
@@ -85,6 +86,7 @@ def test_the_crowd_changes_nothing_without_feedback(
     assert run.points[-1].angle == pytest.approx(float(ROWS[kind, target]["theta"]), abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "eta"), [("PD", 2.5), ("NS", 3.05)])
 def test_slow_subspace_and_formulations_agree_with_feedback(kind: str, eta: float) -> None:
     """Same end of the range, same c1: slow or whole space, bordered or extended."""
@@ -141,6 +143,7 @@ def test_a_point_costs_at_most_four_cycle_corrections(kind: str, eta: float, dir
     assert np.mean(per_point) <= 4.0 * np.mean(corrections)
 
 
+@pytest.mark.slow
 def test_special_points_are_sharp_in_the_slow_subspace() -> None:
     """R2 and generalised flip of the oval: their tests need left vectors, which V gives only roughly.
 
@@ -175,6 +178,7 @@ def test_restart_in_a_slow_subspace_gives_the_same_bits() -> None:
             assert np.asarray(value).tobytes() == np.asarray(new.arrays()[name]).tobytes(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formulation", list(CurveFormulation))
 def test_unknown_period_in_a_slow_subspace(formulation: CurveFormulation) -> None:
     """The same end with the same normal form as in the stroboscopic formulation."""

@@ -152,6 +152,7 @@ def test_van_der_pol_against_simulation() -> None:
         assert rate == pytest.approx(point.spectrum.moduli[0], rel=0.15)
 
 
+@pytest.mark.slow
 def test_locking_ends_a_branch() -> None:
     """Towards the 1:1 tongue a weakly forced oscillator slows down on the torus, its series falls ever more
     slowly, and the branch ends before the torus is lost, naming the resonance.
@@ -210,6 +211,7 @@ def test_known_rotation_against_simulation() -> None:
         assert np.prod(point.spectrum.moduli) == pytest.approx(math.exp(-0.2 * 2.0 * math.pi), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_example_of_the_docstring() -> None:
     """The example of ``PeriodCircle`` runs as it is printed."""
     assert PeriodCircle.__doc__ is not None

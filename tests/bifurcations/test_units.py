@@ -182,6 +182,7 @@ def tondl_curve(units: tuple[float, float], kind: EventKind, formulation: CurveF
     return run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("trace_curve", "kind", "formulation"),
     [

@@ -195,6 +195,7 @@ def folder(shared: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return shared
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_the_commands_of_a_page_work_from_top_to_bottom(page: Path, folder: Path) -> None:
     for language, text in blocks(page, "sh", "toml", "yaml"):

@@ -151,6 +151,7 @@ def test_make_targets_of_the_readme_exist() -> None:
 OWN = ROOT / "configs" / "your_equations.md"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "printed"),
     list(zip(fenced(OWN, "python"), fenced(OWN, "text"), strict=True)),

@@ -71,6 +71,7 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict]]
     return folder, [json.loads(line) for line in looks.splitlines()]
 
 
+@pytest.mark.slow
 def test_watching_sees_all_cases_to_the_end(watched: tuple[Path, list[dict]]) -> None:
     _, looks = watched
     assert all(list(look["cases"]) == [FIRST, SECOND] for look in looks)
@@ -83,6 +84,7 @@ def test_watching_sees_all_cases_to_the_end(watched: tuple[Path, list[dict]]) ->
     assert sorted(state["group"] for state in looks[-1]["groups"] if state["case"] == FIRST) == GROUPS
 
 
+@pytest.mark.slow
 def test_some_cases_first_and_the_others_later(tmp_path: Path, watched: tuple[Path, list[dict]]) -> None:
     agfb(tmp_path, *RUN, "--case", FIRST, "--no-figures")
     first = tree(tmp_path / "run.zarr" / "cases" / FIRST)

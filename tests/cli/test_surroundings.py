@@ -45,6 +45,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "variables",
     [
@@ -61,6 +62,7 @@ def test_the_same_numbers(tmp_path: Path, plain: Path, variables: Mapping[str, s
     assert compare_trees(plain / "run.zarr" / "cases", tmp_path / "run.zarr" / "cases") == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "variables",
     [

@@ -46,6 +46,7 @@ def finished(process):
     return json.loads(output)
 
 
+@pytest.mark.slow
 def test_figures_of_all_kinds_have_the_same_bytes_in_another_process(synthetic, tmp_path):
     """Those of runs in time are in `test_runs`."""
     store, output = tmp_path / "store", tmp_path / "figures"
@@ -66,6 +67,7 @@ def test_figures_of_all_kinds_have_the_same_bytes_in_another_process(synthetic, 
     assert again.items() <= digests(written).items()
 
 
+@pytest.mark.slow
 def test_every_format_has_the_same_bytes_whatever_was_drawn_before_it(synthetic, tmp_path):
     store = tmp_path / "store"
     synthetic.make_store(store, 3, parts=("machine", "cycles"))

@@ -51,6 +51,7 @@ KINDS = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_heading_legend_and_panels_keep_apart(figures, kind):
     figure = figures[kind]

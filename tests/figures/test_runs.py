@@ -174,6 +174,7 @@ def test_energies_of_the_modes_that_take_part(view, runs):
     ]
 
 
+@pytest.mark.slow
 def test_heading_and_panels_keep_apart(view, runs, moving):
     for figure in (
         draw_envelope(view, runs[1], [moving]),
@@ -192,6 +193,7 @@ def test_heading_and_panels_keep_apart(view, runs, moving):
                 assert not box.overlaps(axes.get_tightbbox(renderer))
 
 
+@pytest.mark.slow
 def test_files_of_every_run(tmp_path):
     synthetic_store.make_store(tmp_path / "store", 3, parts=("machine", "runs"))
     said = []

@@ -25,6 +25,7 @@ def view_of(store, *names):
     return PlaneView.of(tables, {})
 
 
+@pytest.mark.slow
 def test_parts_change_their_look_where_the_type_changes(store):
     """At the Chenciner points in the middle of a step, not at the next row."""
     view = view_of(store, "ns/c000")
@@ -60,6 +61,7 @@ def test_a_special_point_on_two_curves_is_marked_once(store):
     assert len(found) == alone - 1
 
 
+@pytest.mark.slow
 def test_curves_alone_make_a_map_and_lines_of_the_search_make_no_figure(store, tmp_path):
     written = draw_figures(store, tmp_path, kinds=("stability", "tree"))
     assert [path.name for path in written][-1] == "stability-map.png"

@@ -104,6 +104,7 @@ def test_followed_modes_are_smooth() -> None:
     assert np.nanmax(np.abs(np.diff(slopes, axis=0))) < 0.3
 
 
+@pytest.mark.slow
 def test_without_equilibrium_between_the_count_says_that_some_are_missing() -> None:
     """On 24 x 2 the film closes between 0.103 and 0.209: what crosses there is told, not passed over."""
     diagram, found = computed(HEAVY_ON_SOFT_FOILS, (24, 2), (0.1, 0.6), 9)

@@ -42,6 +42,7 @@ def test_the_same_period_map(compiled: DynamicalSystem, stepper, accuracy: float
     assert own.columns == pytest.approx(known.columns, abs=accuracy)
 
 
+@pytest.mark.slow
 def test_the_shifted_equations_are_solved_with_pivots() -> None:
     """I - shift J with a zero on its diagonal."""
     matrix = np.array([[1.0, 2.0, 0.5], [-1.0, 0.3, 4.0], [0.2, -0.7, -2.0]])

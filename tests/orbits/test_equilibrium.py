@@ -128,6 +128,7 @@ FINER = (
 )
 
 
+@pytest.mark.slow
 def test_rotor_too_heavy_to_float() -> None:
     """No exception but the share that the films carry, and it is the same load for every weight."""
     loads = []

@@ -64,6 +64,7 @@ def machine_problem(*overrides: str) -> tuple[CycleProblem, Unknowns]:
 COARSE = ("numerics.circumferential=16", "numerics.axial=1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "overrides",
     [

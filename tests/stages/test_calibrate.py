@@ -109,6 +109,7 @@ def finished(resting: NamedCase, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return path
 
 
+@pytest.mark.slow
 def test_it_finds_the_machine_that_the_targets_were_made_with(resting: NamedCase, finished: Path) -> None:
     found = told(finished, resting)
     assert found.stop_reason == CONVERGED
@@ -143,6 +144,7 @@ def test_the_last_row_confirms_the_found_machine_from_the_lowest_speed(finished:
     np.testing.assert_allclose(rows["onset"][best[0]], rows["onset"][best[1]], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_interrupted_and_resumed_it_has_the_same_bytes(
     resting: NamedCase, finished: Path, tmp_path: Path
 ) -> None:
@@ -167,6 +169,7 @@ def test_a_finished_one_computes_nothing_and_another_request_is_refused(
         Watched("calibrate", NamedCase.of("smoke", other), finished)
 
 
+@pytest.mark.slow
 def test_a_forced_machine_is_found_through_its_neimark_sacker_point(tmp_path: Path) -> None:
     """One unknown, of the rings."""
     table = """
@@ -214,6 +217,7 @@ value = {values[0]}
     assert 3.2 < (wide - middle) / (middle - narrow) < 4.8
 
 
+@pytest.mark.slow
 def test_a_mass_is_found_through_a_measured_critical_speed(tmp_path: Path) -> None:
     """The critical speed that `agfb criticals` computes of the true machine, in revolutions per minute."""
     true = calibrated("", "rotor.discs.0.mass=0.1")

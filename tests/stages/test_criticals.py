@@ -125,6 +125,7 @@ def heavy(**tables: Any) -> NamedCase:
     return NamedCase.of("smoke", HEAVY_ON_SOFT_FOILS.case((24, 2), **tables))
 
 
+@pytest.mark.slow
 def test_critical_speeds_that_may_be_lost_are_a_failure(tmp_path: Path) -> None:
     """2 speeds of 11 have no equilibrium; where they are, the count of modes changes."""
     table = {"speed_range": (0.1, 0.6), "points": 11, "unbalance_points": 3}
@@ -191,6 +192,7 @@ def test_overhung_wheels_without_their_slopes_are_a_caution_with_masters_that_he
     assert "Hz" in result.caution
 
 
+@pytest.mark.slow
 def test_what_the_caution_names_has_the_critical_speeds_of_the_full_rotor(tmp_path: Path) -> None:
     full_result, full = micro_turbine(tmp_path / "full.zarr", f"rotor.masters={ALL}")
     assert full_result.summary["condensation error"] < 1e-9

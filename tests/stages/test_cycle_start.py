@@ -110,6 +110,7 @@ def test_whirl_is_carried_to_the_speed_at_which_another_parameter_is_continued()
     assert found.start.parameter == 10.0  # of the foil stiffness
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [1.14, 0.92])
 def test_a_speed_without_whirl_is_no_start(speed: float) -> None:
     # above the Hopf point there is none; far below it the branch has turned back before

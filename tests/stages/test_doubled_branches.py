@@ -48,6 +48,7 @@ def doubled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_doubled_cycles_close_after_two_periods(doubled: Path) -> None:
     case = tiny_case(*ACROSS).case
     simple = cycle_problem(build_machine(case), case)
@@ -109,6 +110,7 @@ def test_cycles_of_half_the_period_are_on_no_doubled_branch(doubled: Path) -> No
     assert "has half the period" in str(said(parent, parent.n_points - 1, None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stop", [2, 5])
 def test_resuming_gives_the_same_bytes(doubled: Path, tmp_path: Path, stop: int) -> None:
     path = tmp_path / "a.zarr"

@@ -160,6 +160,7 @@ def heavy(points: int, highest: float) -> NamedCase:
     )
 
 
+@pytest.mark.slow
 def test_some_speeds_without_equilibrium_are_named(tmp_path: Path) -> None:
     """2 of 23: told, and no failure; interrupted anywhere the same bytes."""
     watched = Watched("linearize", heavy(23, 1.2), tmp_path / "a.zarr")
@@ -178,6 +179,7 @@ def test_some_speeds_without_equilibrium_are_named(tmp_path: Path) -> None:
     assert compare_trees(tmp_path / "a.zarr", tmp_path / "b.zarr") == []
 
 
+@pytest.mark.slow
 def test_too_many_speeds_without_equilibrium_are_a_failure(tmp_path: Path) -> None:
     result = Watched("linearize", heavy(11, 0.6), tmp_path / "a.zarr").result
     assert not result.ok

@@ -176,6 +176,7 @@ def _keep(states: list[CurveState], point: CurvePoint, state: CurveState, specia
     states.append(state)
 
 
+@pytest.mark.slow
 def test_the_neimark_sacker_curve_tends_to_the_line_at_the_hopf_speed() -> None:
     """Over the excitation frequency it leaves the Hopf speed by the square of the displacement."""
     distances = []
@@ -245,6 +246,7 @@ def in_both_formulations(frequency: float, steps: int | None) -> list[tuple[Cycl
     return [(problem, forced), (extended, correction.cycle)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [0.7, 2.0])
 def test_both_formulations_agree(frequency: float) -> None:
     """Every multiplier above the cut to 1e-8; the oscillator of Eq. 17 adds 1 and exp(-2T), nothing else.
@@ -346,6 +348,7 @@ def test_slow_multipliers_are_those_of_the_full_monodromy_matrix(grid: tuple[int
     assert_complete(problem, cycle)
 
 
+@pytest.mark.slow
 def test_a_cluster_of_foil_multipliers_is_left_to_the_picard_sweeps() -> None:
     """eta = 1 at Omega_ex = 2: the 2 (N_theta - 1) foil modes gather near exp(-T/eta) = exp(-pi)."""
     bearing = {**BEARING, "foil": {**FOIL, "loss_factor": 1.0}}

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveStart
 from pipelines.bifurcations.curve_continuation import continue_curve
@@ -68,6 +69,7 @@ def period_doubling(*widths: float, steps: int | None = None) -> NormalForm:
     return first_point(one, EventKind.PERIOD_DOUBLING, math.pi, widths)
 
 
+@pytest.mark.slow
 def test_signs_do_not_depend_on_the_width() -> None:
     """Over a factor of eight in width; at the default widths the sign is beyond the error."""
     for coefficient in (neimark_sacker, period_doubling):
@@ -79,6 +81,7 @@ def test_signs_do_not_depend_on_the_width() -> None:
         assert form.error > 20.0 * form.noise  # the width, not the differences, is what is uncertain
 
 
+@pytest.mark.slow
 def test_values_of_resolved_widths_agree_to_a_few_percent() -> None:
     """b with five times the default steps, widths from 0.02 to 0.0025: measured within 5 %.  Not three
     digits: the values 0.105, 0.103, 0.107, 0.105 do not converge.

@@ -39,6 +39,7 @@ def instability() -> tuple[CycleProblem, Event]:
     return problem, event
 
 
+@pytest.mark.slow
 def test_born_torus_against_simulation(instability: tuple[CycleProblem, Event]) -> None:
     """Supercritical here: a stable torus above the critical speed.  Its weak multiplier is 1 - 2 alpha, its
     size grows like the square root of the distance, and 200 excitation periods of simulation, from a point of

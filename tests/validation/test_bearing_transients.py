@@ -67,6 +67,7 @@ def run_up(store: Path, periods: int) -> float:
     return worst
 
 
+@pytest.mark.slow
 def test_a_slow_run_up_follows_the_cycles(store: Path) -> None:
     """The envelope lags behind in proportion to the acceleration: half of it, half the difference."""
     fast, slow = run_up(store, 80), run_up(store, 160)

@@ -21,6 +21,7 @@ def meets_the_default(row: GridErrors) -> bool:
     return row.concentric <= 0.005 and max(row.rigid_static, row.static_full, row.static_gumbel) <= 0.01
 
 
+@pytest.mark.slow
 def test_printed_table(errors: dict[tuple[int, int], GridErrors]) -> None:
     """error_table.md is what ``python -m tests.validation.error_table`` prints."""
     stored = (Path(__file__).parent / "error_table.md").read_text(encoding="utf-8")

@@ -69,6 +69,7 @@ def force(squared: float) -> float:
     return math.sqrt(squared * ((_GROWTH - squared) ** 2 + _DETUNING**2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("longest", "scale"), WALKS)
 def test_forced_hopf(longest: float, scale: float) -> None:
     """A Neimark-Sacker point and two folds within 0.004 of F, between F = 0.1 and 1."""
@@ -120,6 +121,7 @@ def langford() -> DynamicalSystem:
     return compiled_system(rates, jacobian, 3, ("b",))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("longest", "scale"), WALKS)
 def test_langford(longest: float, scale: float) -> None:
     """The cycles between both Neimark-Sacker points are unstable."""
@@ -140,6 +142,7 @@ def test_langford(longest: float, scale: float) -> None:
 # --- Tondl's system: curves through every verified point ---------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "eta"), POINTS)
 def test_tondl_curves(kind: str, eta: float) -> None:
     """Ends and special points are the same for all steps and scales."""

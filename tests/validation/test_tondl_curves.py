@@ -178,6 +178,7 @@ def neimark_sacker_arcs() -> dict[float, list[tuple[CurveStop, list[SpecialPoint
     return arcs
 
 
+@pytest.mark.slow
 def test_special_points(
     neimark_sacker_arcs: dict[float, list[tuple[CurveStop, list[SpecialPoint]]]],
 ) -> None:
@@ -250,6 +251,7 @@ def test_a_curve_that_is_in_a_loop_ends_after_one_turn() -> None:
     assert abs(len(states) - once) <= 3
 
 
+@pytest.mark.slow
 def test_curves_are_joined_at_the_strong_resonances() -> None:
     """Over R2 round the oval and out on the next Neimark-Sacker curve; over R1 to the fold curve."""
     curves = problem("NS")

@@ -81,6 +81,7 @@ def periods_in_time(machine: Machine, parameters: Vector, state: Vector, angle: 
     return np.concatenate(samples)
 
 
+@pytest.mark.slow
 def test_a_run_in_time_stays_on_the_torus_and_comes_back_to_it() -> None:
     """From the torus, 60 periods of the machine under its drive lie at the angles psi + n rho; from beside it
     the distance falls like the largest modulus.
@@ -112,6 +113,7 @@ def waves(found: Torus) -> np.ndarray:
     return spectrum[:3] * np.array([1.0, 2.0, 2.0])[:, None]
 
 
+@pytest.mark.slow
 def test_without_unbalance_it_is_the_cycle_and_a_small_one_acts_linearly() -> None:
     """x = s + U c e^(i psi) + O(U^2): the synchronous wave is linear, mean and second wave are quadratic."""
     machine, problem, cycle = balanced(0.2)
