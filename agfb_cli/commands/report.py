@@ -103,7 +103,11 @@ def show(
     condensed = {case: condensation(opened, case) for case in found}
     if console.json:
         cases = {
-            case: {**as_json(ranges), "condensation_error": condensed[case][0]}
+            case: {
+                **as_json(ranges),
+                "condensation_error": condensed[case][0],
+                "condensation_caution": condensed[case][1],
+            }
             for case, ranges in found.items()
         }
         console.json_data({"store": str(path), "written": written, "cases": cases, "missing": missing})
