@@ -10,12 +10,13 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 
 from pipelines.case.reading import NamedCase
-from pipelines.datasets.store import StoreError
+from pipelines.datasets.store import StoreError, open_for_reading
 from pipelines.stages.results import FailedBy, Report, ShouldStop, StageResult
 
 STAGES = (
@@ -31,6 +32,20 @@ STAGES = (
     "continue_tori",
     "calibrate",
 )
+
+
+MOTIONS = frozenset(
+    {
+        "continue_cycles",
+        "track_pd",
+        "track_ns",
+        "track_folds",
+        "bifurcation_set",
+        "transient",
+        "continue_tori",
+    }
+)
+"""Stages that compute motions of the condensed rotor; their results say how far it is off."""
 
 
 class Stage(Protocol):
@@ -71,7 +86,10 @@ def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -
     """Carry out one task and return `StageResult.as_dict`."""
     case, begin = NamedCase.from_dict(task["case"]), time.perf_counter()
     try:
-        result = stage_function(task["stage"])(case, Path(task["store"]), report, should_stop)
+        store = Path(task["store"])
+        result = stage_function(task["stage"])(case, store, report, should_stop)
+        if task["stage"] in MOTIONS and result.ok and not should_stop():
+            result = replace(result, caution=_condensation_caution(case, store))
     except (MemoryError, OSError):
         raise
     except StoreError as error:
@@ -81,6 +99,12 @@ def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -
             case, error, "bug", "this is a bug: please report it with the output of --traceback"
         )
     return result.as_dict() | {"seconds": time.perf_counter() - begin}
+
+
+def _condensation_caution(case: NamedCase, store: Path) -> str:
+    from pipelines.stages.condensed_modes import condensation_caution  # loads the kernels
+
+    return condensation_caution(case, open_for_reading(store))
 
 
 def stage_function(stage: str) -> Stage:
