@@ -109,6 +109,7 @@ def show(
             case: {
                 **as_json(ranges),
                 "condensation_error": condensed[case][0],
+                "condensation_caution": condensed[case][1],
                 "points_without_step_error": uncertain[case][0],
             }
             for case, ranges in found.items()

@@ -215,6 +215,7 @@ def compute(
     from pipelines.stages.scheduling.tasks import recorded, run_stages
 
     outcome, begin = Outcome(), time.monotonic()
+    cautioned: set[str] = set()
     tasks = len(stages) * len(named_cases) if len(named_cases) > 1 else None
     reporter = ProgressReporter(console, tasks=tasks)
     with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
@@ -234,6 +235,10 @@ def compute(
             reporter.ended(stage, result.case_id)
             if not interruption.requested():
                 announce(stage, result, console)
+                caution = f"{result.case_id}: {result.caution}"
+                if result.caution and caution not in cautioned:  # once, not with every stage of the case
+                    console.message(f"caution: {caution}")
+                    cautioned.add(caution)
     outcome.elapsed = time.monotonic() - begin
     return outcome
 
@@ -268,8 +273,6 @@ def announce(stage: str, result: StageResult, console: Console) -> None:
             console.error(result.traceback.rstrip())
     if result.ok and result.advice:
         console.detail(f"  {result.advice}")
-    if result.caution:
-        console.message(f"caution: {name}: {result.caution}")
 
 
 def show_outcome(outcome: Outcome, store: Path, files: Sequence[Path], console: Console) -> None:

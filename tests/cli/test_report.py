@@ -12,7 +12,7 @@ from agfb_cli.errors import ExitCode
 from agfb_cli.main import app
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.store import open_for_reading
-from tests.figures.synthetic_store import make_store
+from tests.figures.synthetic_store import ATTRIBUTES, make_store
 
 
 def report(*words: str) -> Result:
@@ -45,6 +45,34 @@ def test_the_same_as_json(store: Path) -> None:
     assert case["best"]["speed"] > case["passive_instability_speed"]
     assert case["passive_gain"] == pytest.approx(case["best"]["speed"] / 1.05 - 1.0)
     assert {row["bifurcation"] for row in case["boundary"]} >= {"neimark_sacker"}
+
+
+@pytest.mark.parametrize(
+    ("error", "caution"), [(0.1731, "the condensed rotor has a mode 17.3 % off"), (0.0021, ""), (None, "")]
+)
+def test_the_error_of_the_condensed_rotor_is_told_with_its_caution(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: float | None, caution: str
+) -> None:
+    """What `agfb criticals` has stored; nothing where it could not be known."""
+    monkeypatch.setitem(ATTRIBUTES, "criticals", {"condensation_error": error, "caution": caution})
+    make_store(tmp_path / "a.zarr", 5)
+    done = report(str(tmp_path / "a.zarr"))
+    assert done.exit_code == ExitCode.DONE
+    line = "condensed rotor: modes below the highest speed at most"
+    assert ([each for each in done.stdout.splitlines() if each.startswith(line)]) == (
+        [] if error is None else [f"{line} {'17' if error > 0.1 else '0.21'} % off"]
+    )
+    assert ("caution: kb10: the condensed rotor has a mode 17.3 % off" in done.stderr) is bool(caution)
+    told = json.loads(report(str(tmp_path / "a.zarr"), "--json").stdout)["cases"]["kb10"]
+    assert told["condensation_error"] == error
+    assert told["condensation_caution"] == caution
+
+
+def test_without_critical_speeds_nothing_is_told_of_the_condensed_rotor(tmp_path: Path) -> None:
+    make_store(tmp_path / "a.zarr", 5, parts=("machine", "curves", "set"))
+    assert "condensed rotor" not in report(str(tmp_path / "a.zarr")).output
+    told = json.loads(report(str(tmp_path / "a.zarr"), "--json").stdout)["cases"]["kb10"]
+    assert told["condensation_error"] is None
 
 
 def test_a_store_without_curves_says_what_to_run(tmp_path: Path) -> None:

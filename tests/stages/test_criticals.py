@@ -18,6 +18,8 @@ from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import at_rest, machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.stages.results import StageResult
+from pipelines.stages.scheduling import tasks as scheduling
+from pipelines.stages.scheduling.preparation import prepare_store
 from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
@@ -212,3 +214,29 @@ def test_without_equilibrium_there_is_no_condensation_error(tmp_path: Path) -> N
     result = Watched("criticals", heavy, tmp_path / "a.zarr").result
     assert result.summary["condensation error"] is None
     assert result.caution == ""
+
+
+@pytest.mark.parametrize(("masters", "cautioned"), [((), True), ((f"rotor.masters={ADVISED}",), False)])
+def test_motions_of_a_condensed_rotor_that_is_off_are_told_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, masters: tuple[str, ...], cautioned: bool
+) -> None:
+    """By how much at the operating and the highest speed, or as the critical speeds in the store say it."""
+    named, *_ = read_cases(MICRO_TURBINE.read_text(), MICRO_TURBINE.name, (*QUICK, *masters))
+    store = tmp_path / "a.zarr"
+    prepare_store(store, [named], ["agfb", "test"])
+    ended = StageResult("mgt", True, "range")
+    monkeypatch.setattr(scheduling, "stage_function", lambda name: lambda *arguments: ended)
+
+    def told(stage: str, stopped: bool = False) -> str:
+        record = scheduling.run_task(scheduling.task(stage, named, store), lambda p: None, lambda: stopped)
+        return str(record["caution"])
+
+    motions = {told(stage) for stage in sorted(scheduling.MOTIONS)}
+    assert len(motions) == 1
+    (caution,) = motions
+    assert ("17.3 % off" in caution and ADVISED in caution) is cautioned
+    assert bool(caution) is cautioned
+    assert told("continue_cycles", stopped=True) == told("refine") == ""
+    _, stored = micro_turbine(store, *masters)
+    assert bool(stored.attributes["caution"]) is cautioned
+    assert told("continue_cycles") == stored.attributes["caution"]

@@ -1,8 +1,10 @@
-"""How far the condensed rotor is off below the highest speed, for the result of `agfb criticals`."""
+"""How far the condensed rotor is off below the highest speed: part of the result of `agfb criticals`, and a
+caution to everything else that is computed with it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.case.models import Case
+from pipelines.case.reading import NamedCase
 from pipelines.case.scales import Scales
-from pipelines.machine.assembly import Machine
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.store import Store
+from pipelines.machine import film
+from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.condensation_error import (
     ALLOWED_ERROR,
     Masters,
@@ -21,6 +27,8 @@ from pipelines.machine.condensation_error import (
     mode_errors,
 )
 from pipelines.machine.rotor_modes import LinearBearing
+from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
+from pipelines.orbits.equilibria.linear import at_speed, dynamic_stiffness
 
 Array = NDArray[np.float64]
 
@@ -34,6 +42,42 @@ class LinearBearings:
     speeds: Array
     dimensional: Array
     bearings: tuple[LinearBearing, ...]
+
+
+def linear_bearings(
+    machine: Machine, case: Case, parameters: Array, equilibria: Mapping[float, Array]
+) -> LinearBearings:
+    """The films linearised at equilibria, given as states by rising dimensionless speed (at least one)."""
+    speeds = np.array(list(equilibria))
+    complex_stiffness = np.array(
+        [
+            _synchronous_coefficients(machine, state, at_speed(parameters, speed), speed)
+            for speed, state in equilibria.items()
+        ]
+    )  # (speeds, bearings, 2, 2), in N/m
+    dimensional = speeds / machine.scales.time  # rad/s
+    bearings = tuple(
+        LinearBearing(
+            table.node,
+            complex_stiffness[:, index].real,
+            complex_stiffness[:, index].imag / dimensional[:, None, None],
+        )
+        for index, table in enumerate(case.bearings)
+    )
+    return LinearBearings(speeds, dimensional, bearings)
+
+
+def _synchronous_coefficients(
+    machine: Machine, state: Array, parameters: Array, speed: float
+) -> list[NDArray[np.complex128]]:
+    """K + i Omega C of every bearing [N/m] for whirl at the rotating speed."""
+    result = []
+    for index, bearing in enumerate(machine.bearings):
+        own = machine.scales.bearings[index]
+        unknowns, position = state[machine.film_unknowns(index)], machine.journal(state, index)[:2]
+        dimensionless = dynamic_stiffness(bearing, unknowns, position, parameters, np.array([1j * speed]))[0]
+        result.append(dimensionless * own.force / (own.clearance_ratio * machine.scales.displacement))
+    return result
 
 
 @dataclass(frozen=True)
@@ -77,6 +121,27 @@ def checked_modes(
         "checked_error": errors.relative,
     }
     return CheckedModes(arrays, errors.worst, caution)
+
+
+def condensation_caution(case: NamedCase, store: Store) -> str:
+    """What must be said of everything computed with the condensed rotor of a case: the caution of `criticals`
+    where the store has them, else that at the operating and the highest speed. Empty without an equilibrium.
+    """
+    group = f"cases/{case.case_id}/criticals"
+    if store.has_group(group):
+        return str(read_group(store, group, ()).attributes.get("caution", ""))
+    machine, parameters = build_machine(case.case), parameter_vector(case.case)
+    operation, highest = float(parameters[film.SPEED]), case.case.criticals.speed_range[1]
+    found = {
+        speed: machine_equilibrium(machine, at_speed(parameters, speed))
+        for speed in sorted({operation, highest})
+    }
+    states = {speed: equilibrium.state for speed, equilibrium in found.items() if equilibrium.converged}
+    if not states:
+        return ""
+    linear = linear_bearings(machine, case.case, parameters, states)
+    nearest = int(np.argmin(np.abs(linear.speeds - operation)))
+    return checked_modes(machine, case.case, linear, nearest, ()).caution
 
 
 def _caution(errors: ModeErrors, scales: Scales, masters: Masters, better: Masters, left: ModeErrors) -> str:

@@ -19,7 +19,6 @@ from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.condensation_check import CondensationComparison, compare_condensation
-from pipelines.machine.rotor_modes import LinearBearing
 from pipelines.orbits.equilibria.campbell import CampbellDiagram, campbell_diagram
 from pipelines.orbits.equilibria.critical_speeds import (
     CriticalSpeed,
@@ -29,9 +28,9 @@ from pipelines.orbits.equilibria.critical_speeds import (
     parametric_resonances,
 )
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
-from pipelines.orbits.equilibria.linear import at_speed, dynamic_stiffness
+from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.stages.linear import missing_speeds
-from pipelines.stages.linear.condensed_modes import LinearBearings, checked_modes
+from pipelines.stages.linear.condensed_modes import LinearBearings, checked_modes, linear_bearings
 from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult, StopRequested
 
 Array = NDArray[np.float64]
@@ -114,9 +113,8 @@ def _linear_bearings(
     machine: Machine, parameters: Array, case: Case, diagram: CampbellDiagram, visit: Any
 ) -> LinearBearings | None:
     """The films' synchronous coefficients along the range; None without any equilibrium."""
-    table, scales = case.criticals, machine.scales
-    speeds: list[float] = []
-    coefficients: list[list[NDArray[np.complex128]]] = []
+    table = case.criticals
+    found: dict[float, Array] = {}
     guess = None
     for index, speed in enumerate(np.linspace(*table.speed_range, table.unbalance_points)):
         visit(table.points + index)
@@ -124,22 +122,8 @@ def _linear_bearings(
         state = _equilibrium(machine, at, diagram, float(speed), guess)
         if state is None:
             continue
-        guess = state
-        speeds.append(float(speed))
-        coefficients.append(_synchronous_coefficients(machine, guess, at, float(speed)))
-    if not speeds:
-        return None
-    complex_stiffness = np.array(coefficients)  # (speeds, bearings, 2, 2), in N/m
-    dimensional = np.array(speeds) / scales.time  # rad/s
-    bearings = tuple(
-        LinearBearing(
-            table_of.node,
-            complex_stiffness[:, index].real,
-            complex_stiffness[:, index].imag / dimensional[:, None, None],
-        )
-        for index, table_of in enumerate(case.bearings)
-    )
-    return LinearBearings(np.array(speeds), dimensional, bearings)
+        found[float(speed)] = guess = state
+    return linear_bearings(machine, case, parameters, found) if found else None
 
 
 def _comparison(
@@ -162,19 +146,6 @@ def _equilibrium(
         return None
     equilibrium = machine_equilibrium(machine, parameters, guess)
     return equilibrium.state if equilibrium.converged else None
-
-
-def _synchronous_coefficients(
-    machine: Machine, state: Array, parameters: Array, speed: float
-) -> list[NDArray[np.complex128]]:
-    """K + i Omega C of every bearing [N/m] for whirl at the rotating speed."""
-    result = []
-    for index, bearing in enumerate(machine.bearings):
-        own = machine.scales.bearings[index]
-        unknowns, position = state[machine.film_unknowns(index)], machine.journal(state, index)[:2]
-        dimensionless = dynamic_stiffness(bearing, unknowns, position, parameters, np.array([1j * speed]))[0]
-        result.append(dimensionless * own.force / (own.clearance_ratio * machine.scales.displacement))
-    return result
 
 
 def _unbalance(machine: Machine, case: Case) -> dict[int, complex]:

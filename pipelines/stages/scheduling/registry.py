@@ -32,6 +32,19 @@ STAGES: Mapping[str, str] = MappingProxyType(
 )
 """Module below `pipelines.stages` that has the function of each stage, under the stage's name."""
 
+MOTIONS = frozenset(
+    {
+        "continue_cycles",
+        "track_pd",
+        "track_ns",
+        "track_folds",
+        "bifurcation_set",
+        "transient",
+        "continue_tori",
+    }
+)
+"""Stages that compute motions of the condensed rotor; their results say how far it is off."""
+
 
 class Stage(Protocol):
     """The signature of every stage function."""

@@ -11,12 +11,13 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.failures import Failure, clear_failure, record_failure
-from pipelines.datasets.store import StoreError, open_for_writing
+from pipelines.datasets.store import StoreError, open_for_reading, open_for_writing
 from pipelines.stages.results import FailedBy, Report, ShouldStop, StageResult
 from pipelines.stages.scheduling import registry
 
@@ -50,7 +51,10 @@ def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -
     """Carry out one task and return `StageResult.as_dict`."""
     case, begin = NamedCase.from_dict(task["case"]), time.perf_counter()
     try:
-        result = registry.stage_function(task["stage"])(case, Path(task["store"]), report, should_stop)
+        store = Path(task["store"])
+        result = registry.stage_function(task["stage"])(case, store, report, should_stop)
+        if task["stage"] in registry.MOTIONS and result.ok and not should_stop():
+            result = replace(result, caution=_condensation_caution(case, store))
     except (MemoryError, OSError):
         raise
     except StoreError as error:
@@ -60,6 +64,12 @@ def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -
             case, error, "bug", "this is a bug: please report it with the output of --traceback"
         )
     return result.as_dict() | {"seconds": time.perf_counter() - begin}
+
+
+def _condensation_caution(case: NamedCase, store: Path) -> str:
+    from pipelines.stages.linear.condensed_modes import condensation_caution  # loads the kernels
+
+    return condensation_caution(case, open_for_reading(store))
 
 
 def _failure(case: NamedCase, error: Exception, failed_by: FailedBy, advice: str) -> StageResult:
