@@ -138,6 +138,21 @@ def test_a_weightless_rotor_in_supports_has_one_critical_speed() -> None:
     assert found.undecided == []
 
 
+def test_critical_speeds_of_a_large_machine_are_those_of_the_dense_matrix(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its modes beyond the highest frequency that is followed are known at some speeds only: none is missed."""
+    _, dense = computed(CLOSE_CRITICALS, (24, 2), (0.15, 1.5), 8)
+    monkeypatch.setattr(modes_module, "DENSE_SIZE", 100)
+    _, sparse = computed(CLOSE_CRITICALS, (24, 2), (0.15, 1.5), 8)
+    assert sparse.undecided == dense.undecided == []
+    speeds = [one.speed for one in dense.found]
+    assert len(speeds) == 5
+    assert [one.speed for one in sparse.found] == pytest.approx(speeds, abs=1e-8)
+    change = sum(one.change for one in sparse.found) + sparse.passages
+    assert sparse.counts[-1] - sparse.counts[0] == change
+
+
 def test_modes_of_a_large_machine_are_those_of_the_dense_matrix(monkeypatch: pytest.MonkeyPatch) -> None:
     """All lightly damped ones up to the highest frequency that is followed."""
     description = CLOSE_CRITICALS.case((40, 3))
