@@ -17,7 +17,9 @@ from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.equilibrium import at_rest, machine_equilibrium
 from pipelines.orbits.linear import at_speed
+from pipelines.stages.criticals import _told, _without_equilibrium
 from pipelines.stages.results import StageResult
+from tests.helpers.prescribed_modes import PrescribedModes, on_paths
 from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
@@ -155,6 +157,23 @@ def test_the_count_of_modes_is_stored_with_the_crossings(tmp_path: Path) -> None
     assert last - first == attributes["crossings"] + attributes["damping_passages"]
     assert attributes["undecided_stretches"] == []
     assert attributes["stop_reason"] == "all speeds are computed"
+
+
+def test_a_gap_between_the_speeds_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All speeds asked for have an equilibrium, one inserted between them has none."""
+
+    def close(speed: float) -> complex:
+        return complex(-0.02, speed + 0.01 + 10.0 * (speed - 0.725) ** 2)
+
+    modes = PrescribedModes(on_paths(close, lambda speed: complex(-0.05, 3.0)), lambda w: 0.7 < w < 0.75)
+    diagram, critical = modes.critical_speeds(monkeypatch, (0.15, 1.5), 9)
+    told = _told(diagram, critical, np.linspace(0.15, 1.5, 9))
+    assert told["speeds_without_equilibrium"] == []
+    assert told["stop_reason"] == "some speeds have no equilibrium"
+    assert re.match(r"between the speeds 0\.69\d+ and 0\.75\d+ there is no equil", told["stop_advice"])
+    assert re.fullmatch(r"0\.69\d+ to 0\.75\d+", _without_equilibrium(told))
+
+
 MICRO_TURBINE = Path(__file__).parents[1] / "reference" / "micro_turbine.toml"
 QUICK = (
     "numerics.circumferential=16",
