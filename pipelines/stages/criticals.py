@@ -44,6 +44,7 @@ UNBALANCE_ECCENTRICITY = 0.01
 
 NO_CRITICAL = "no critical speed lies inside the range"
 UNDECIDED = "critical speeds may be missing"
+WELL = missing_speeds.WELL | {NO_CRITICAL}  # reasons that are no failure
 
 
 class _StopRequested(Exception):  # noqa: N818
@@ -277,9 +278,8 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
     if without := _without_equilibrium(attributes):
         summary["without equilibrium"] = without
     reason = attributes["stop_reason"]
-    ok = reason in missing_speeds.WELL or reason == NO_CRITICAL
     advice, caution = attributes["stop_advice"], attributes.get("caution", "")
-    return StageResult(case_id, ok, reason, advice, summary, caution=caution)
+    return StageResult(case_id, reason in WELL, reason, advice, summary, caution=caution)
 
 
 def _without_equilibrium(attributes: Mapping[str, Any]) -> str:

@@ -24,6 +24,7 @@ from pipelines.stages import (
     calibrate,
     continue_cycles,
     continue_tori,
+    criticals,
     curve_tracking,
     missing_speeds,
     refine,
@@ -106,7 +107,7 @@ _MORE_CURVES = frozenset({"max_points", "max_curves"})
 _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
     {
         "linearize": _Extent(("linear",), missing_speeds.WELL, "linearize"),
-        "criticals": _Extent(("criticals",), frozenset(), "criticals"),
+        "criticals": _Extent(("criticals",), criticals.WELL, "criticals"),
         "continue_cycles": _Extent(
             ("cycles/b", "cycles/d"),
             _names(continue_cycles.COMPLETE),
@@ -155,8 +156,10 @@ def _found(stage: str, named: NamedCase, store: Store | None) -> Planned:
     there = _state(own.values(), extent, case)
     if stage == "criticals" and own:
         # made in one piece, and again for another table
-        there = There.NOTHING if there is There.OTHERWISE else There.COMPLETE
-        points = case.criticals.points if there is There.COMPLETE else 0
+        (group,) = own.values()
+        well = There.COMPLETE if group["stop_reason"] in extent.well else There.FAILED
+        there = There.NOTHING if there is There.OTHERWISE else well
+        points = 0 if there is There.NOTHING else case.criticals.points
     if stage == "continue_cycles" and there is There.COMPLETE:
         if len(own) < len(continue_cycles.directions(case)):
             there = There.PARTIAL
