@@ -96,6 +96,16 @@ def test_a_close_pair_is_found_with_every_number_of_speeds(points: int) -> None:
     assert found.counts[-1] - found.counts[0] == change
 
 
+def test_a_range_from_one_critical_speed_to_another_holds_both() -> None:
+    _, found = computed(CLOSE_CRITICALS, (16, 2), (0.3, 0.6), 8)
+    first, second = (one.speed for one in found.found)
+    for points in (2, 5):
+        _, again = computed(CLOSE_CRITICALS, (16, 2), (first, second), points)
+        assert [one.speed for one in again.found] == pytest.approx([first, second], abs=1e-9)
+        assert again.counts[-1] - again.counts[0] == -2 + again.passages
+        assert again.undecided == []
+
+
 def test_followed_modes_are_smooth() -> None:
     """The slope of every eigenvalue changes little from step to step: none is taken for another."""
     diagram, _ = computed(CLOSE_CRITICALS, (16, 2), (0.3, 1.5), 40)
