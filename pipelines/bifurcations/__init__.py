@@ -1,6 +1,6 @@
 """Continuation of cycles, of bifurcation curves and of tori.
 
-- continuation: what all continuations share: options, step lengths, state that is stored
+- continuation: the driver of all continuations: steps, their lengths, the state that is stored
 - acceptance: the rule by which a step is accepted
 - branch, arclength: branches of cycles: options and results; the continuation
 - detection: bifurcations between two cycles: detected, located, described

@@ -641,6 +641,7 @@ CALIBRATION = GroupSpec(
             "branch_lost",
             "film_limit",
             "invalid_machine",
+            "undecided",
         ),
         _flag(
             "bifurcation",

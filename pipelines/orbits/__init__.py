@@ -1,6 +1,7 @@
 """Dynamical systems, their period maps, cycles, equilibria and runs in time.
 
 - system, compiled: what the engine knows of a system; systems from Python functions
+- vectors: points, directions, metric and constraints of continuations
 - steppers: Runge-Kutta tableaux
 - integration: one pass over a period: `propagation` explicit, `implicit` diagonally implicit
 - period_map: the map over one period and its derivatives

@@ -8,8 +8,12 @@ from numpy.typing import NDArray
 
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.bearing import FilmSettings, linearise_bearing, pack_bearing
+from pipelines.machine.film import EXCITATION_FREQUENCY
 from pipelines.orbits.equilibria.equilibrium import at_rest, machine_equilibrium
-from pipelines.orbits.equilibria.linear import dynamic_stiffness, linear_point
+from pipelines.orbits.equilibria.linear import LinearPoint, dynamic_stiffness, linear_point
+from pipelines.orbits.machine_cycles import machine_system
+from pipelines.orbits.period_map import PeriodMap
+from pipelines.orbits.steppers import steppers
 from pipelines.orbits.time_runs.drive import Switching, make_drive
 from pipelines.orbits.time_runs.transient import trial_end
 from pipelines.stages.transients.run import driven_machine
@@ -110,3 +114,23 @@ def test_a_run_in_time_grows_as_the_eigenvalue_says() -> None:
     expected = start * (vector * np.exp(value * end)).real[moved]
     found = (state - point.equilibrium.state)[moved]
     assert np.linalg.norm(found - expected) < 0.01 * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("stepper", ["esdirk5", "rk4"])
+@pytest.mark.parametrize("film", ["periodic", "edge"])
+def test_multipliers_of_a_cycle_at_rest_are_those_of_the_equilibrium(stepper: str, film: str) -> None:
+    """The tangents along a cycle on the ambient line grow by exp(lambda T)."""
+    machine, parameters = weightless((16, 1), "gumbel", film)
+    parameters[EXCITATION_FREQUENCY] = 2.0
+    period_map = PeriodMap(machine_system(machine), stepper=steppers()[stepper])
+    state = machine_equilibrium(machine, parameters).state
+    period = period_map.period(parameters)
+    radius = period_map.spectral_radius(np.tile(state, (period_map.samples, 1)), parameters)
+    steps = 256 if stepper == "esdirk5" else period_map.steps_for(radius, period)
+    columns = period_map.monodromy_columns(state, parameters, period, steps, np.eye(machine.size))
+    multipliers = np.linalg.eigvals(columns)
+    point = linear_point(machine, parameters, 6)
+    assert isinstance(point, LinearPoint)
+    assert point.eigenpairs.values[0].real > 0.07
+    for expected in np.exp(point.eigenpairs.values[:6] * period):
+        assert np.abs(multipliers - expected).min() < 1e-6

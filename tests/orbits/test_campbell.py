@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipelines.machine.assembly import build_machine, parameter_vector
+from pipelines.orbits.equilibria import linear as linear_module
 from pipelines.orbits.equilibria import modes as modes_module
 from pipelines.orbits.equilibria.campbell import CampbellDiagram, campbell_diagram, may_turn
 from pipelines.orbits.equilibria.critical_speeds import CriticalSpeeds, critical_speeds
@@ -95,6 +96,16 @@ def test_a_close_pair_is_found_with_every_number_of_speeds(points: int) -> None:
     assert found.counts[-1] - found.counts[0] == change
 
 
+def test_a_range_from_one_critical_speed_to_another_holds_both() -> None:
+    _, found = computed(CLOSE_CRITICALS, (16, 2), (0.3, 0.6), 8)
+    first, second = (one.speed for one in found.found)
+    for points in (2, 5):
+        _, again = computed(CLOSE_CRITICALS, (16, 2), (first, second), points)
+        assert [one.speed for one in again.found] == pytest.approx([first, second], abs=1e-9)
+        assert again.counts[-1] - again.counts[0] == -2 + again.passages
+        assert again.undecided == []
+
+
 def test_followed_modes_are_smooth() -> None:
     """The slope of every eigenvalue changes little from step to step: none is taken for another."""
     diagram, _ = computed(CLOSE_CRITICALS, (16, 2), (0.3, 1.5), 40)
@@ -137,6 +148,22 @@ def test_a_weightless_rotor_in_supports_has_one_critical_speed() -> None:
     found = critical_speeds(machine, parameters, diagram, 0.5)
     assert [one.speed for one in found.found] == pytest.approx([0.2028], abs=1e-4)
     assert found.undecided == []
+
+
+def test_critical_speeds_of_a_large_machine_are_those_of_the_dense_matrix(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its modes beyond the highest frequency that is followed are known at some speeds only."""
+    _, dense = computed(CLOSE_CRITICALS, (24, 2), (0.15, 1.5), 5)
+    for module in (modes_module, linear_module):
+        monkeypatch.setattr(module, "DENSE_SIZE", 100)
+    _, sparse = computed(CLOSE_CRITICALS, (24, 2), (0.15, 1.5), 5)
+    assert sparse.undecided == dense.undecided == []
+    speeds = [one.speed for one in dense.found]
+    assert len(speeds) == 5
+    assert [one.speed for one in sparse.found] == pytest.approx(speeds, abs=1e-8)
+    change = sum(one.change for one in sparse.found) + sparse.passages
+    assert sparse.counts[-1] - sparse.counts[0] == change
 
 
 def test_modes_of_a_large_machine_are_those_of_the_dense_matrix(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import OtherConfigurationError, open_for_reading
 from pipelines.stages.calibration import calibrate as stage
+from pipelines.stages.calibration import targets as calibration_targets
 from pipelines.stages.calibration.calibrate import (
     CONVERGED,
     FAILED_TARGETS,
@@ -25,9 +26,10 @@ from pipelines.stages.calibration.calibrate import (
     start_position,
     value_at,
 )
-from pipelines.stages.calibration.onset_speed import FOUND
+from pipelines.stages.calibration.onset_speed import FOUND, UNDECIDED
 from pipelines.stages.calibration.report import Calibration, read_calibration
 from pipelines.stages.calibration.targets import Reached, reached
+from tests.helpers.prescribed_modes import PrescribedModes, on_paths
 from tests.helpers.tiny import CONFIG, SHARP, TINY, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
@@ -242,6 +244,38 @@ uncertainty = {1e-4 * measured}
     assert found.targets[0].reached == pytest.approx(measured, rel=1e-5)
     assert found.targets[0].bifurcation == "unset", "a critical speed is none"
 
+
+def test_a_critical_speed_above_a_gap_that_hides_one_has_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Critical speeds 0.25, 0.8 and 1.2; those below the gap are known."""
+
+    def crossing(speed: float) -> Callable[[float], complex]:
+        return lambda at: complex(-0.05, speed + 0.3 * (at - speed))
+
+    matrix = on_paths(*map(crossing, (0.25, 0.8, 1.2)), lambda at: complex(-0.05, 3.0))
+    modes = PrescribedModes(matrix, lambda speed: 0.75 < speed < 0.85)
+    diagram, critical = modes.critical_speeds(monkeypatch, (0.15, 1.5), 30)
+    monkeypatch.setattr(calibration_targets, "campbell_diagram", lambda *_: diagram)
+    monkeypatch.setattr(calibration_targets, "critical_speeds", lambda *_: critical)
+    found = []
+    for number in (1, 2):
+        case = calibrated(CRITICAL.format(number=number)).case
+        assert case.calibrate is not None
+        target = case.calibrate.targets[0]
+        found.append(reached(case, {}, target, case.calibrate, None, lambda: False))
+    assert (found[0].status, found[0].value) == (FOUND, pytest.approx(0.25))
+    assert found[1].status == UNDECIDED
+
+
+CRITICAL = """
+[calibrate]
+[[calibrate.parameters]]
+keys = ["rotor.discs.0.mass"]
+range = [0.05, 0.15]
+[[calibrate.targets]]
+quantity = "critical_speed"
+number = {number}
+value = 1.0
+"""
 
 Values = Callable[[float, float, float | None], Reached]
 TWO_MASSES = """

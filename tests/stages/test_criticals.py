@@ -17,9 +17,11 @@ from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import at_rest, machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
+from pipelines.stages.linear.criticals import _told, _without_equilibrium
 from pipelines.stages.results import StageResult
-from pipelines.stages.scheduling import tasks as scheduling
+from pipelines.stages.scheduling import registry, tasks
 from pipelines.stages.scheduling.preparation import prepare_store
+from tests.helpers.prescribed_modes import PrescribedModes, on_paths
 from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
@@ -160,6 +162,21 @@ def test_the_count_of_modes_is_stored_with_the_crossings(tmp_path: Path) -> None
     assert attributes["stop_reason"] == "all speeds are computed"
 
 
+def test_a_gap_between_the_speeds_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All speeds asked for have an equilibrium, one inserted between them has none."""
+
+    def close(speed: float) -> complex:
+        return complex(-0.02, speed + 0.01 + 10.0 * (speed - 0.725) ** 2)
+
+    modes = PrescribedModes(on_paths(close, lambda speed: complex(-0.05, 3.0)), lambda w: 0.7 < w < 0.75)
+    diagram, critical = modes.critical_speeds(monkeypatch, (0.15, 1.5), 9)
+    told = _told(diagram, critical, np.linspace(0.15, 1.5, 9))
+    assert told["speeds_without_equilibrium"] == []
+    assert told["stop_reason"] == "some speeds have no equilibrium"
+    assert re.match(r"between the speeds 0\.69\d+ and 0\.75\d+ there is no equil", told["stop_advice"])
+    assert re.fullmatch(r"0\.69\d+ to 0\.75\d+", _without_equilibrium(told))
+
+
 MICRO_TURBINE = Path(__file__).parents[1] / "reference" / "micro_turbine.toml"
 QUICK = (
     "numerics.circumferential=16",
@@ -225,13 +242,13 @@ def test_motions_of_a_condensed_rotor_that_is_off_are_told_so(
     store = tmp_path / "a.zarr"
     prepare_store(store, [named], ["agfb", "test"])
     ended = StageResult("mgt", True, "range")
-    monkeypatch.setattr(scheduling, "stage_function", lambda name: lambda *arguments: ended)
+    monkeypatch.setattr(registry, "stage_function", lambda name: lambda *arguments: ended)
 
     def told(stage: str, stopped: bool = False) -> str:
-        record = scheduling.run_task(scheduling.task(stage, named, store), lambda p: None, lambda: stopped)
+        record = tasks.run_task(tasks.task(stage, named, store), lambda p: None, lambda: stopped)
         return str(record["caution"])
 
-    motions = {told(stage) for stage in sorted(scheduling.MOTIONS)}
+    motions = {told(stage) for stage in sorted(registry.MOTIONS)}
     assert len(motions) == 1
     (caution,) = motions
     assert ("17.3 % off" in caution and ADVISED in caution) is cautioned

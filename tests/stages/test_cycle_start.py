@@ -150,3 +150,10 @@ def test_equal_phases_of_the_rings_only_shift_time() -> None:
         assert isinstance(found, FirstCycle)
         states.append(found.start.state)
     np.testing.assert_array_equal(*states)
+
+
+def test_without_equilibrium_that_is_why_no_whirl_begins() -> None:
+    (found,) = started(passive_case("rotor.gravity=1000", "continue_cycles.range=[1.0, 1.2]"))
+    assert isinstance(found, NoStart)
+    assert "at speed 1 there is no equilibrium" in found.reason
+    assert "of the rotor's weight" in found.advice

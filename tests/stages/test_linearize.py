@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +15,10 @@ from pipelines.datasets.store import OtherConfigurationError, open_for_reading
 from pipelines.datasets.watching import watch
 from pipelines.machine import film
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.orbits.equilibria.equilibrium import at_rest
-from pipelines.orbits.equilibria.linear import at_speed, linear_point
-from pipelines.stages.linear.linearize import _instability, reference_parameters
+from pipelines.orbits.equilibria.equilibrium import Equilibrium, at_rest
+from pipelines.orbits.equilibria.linear import Instability, at_speed, linear_point
+from pipelines.stages.linear import linearize as stage
+from pipelines.stages.linear.linearize import reference_parameters
 from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
@@ -188,11 +190,36 @@ def test_too_many_speeds_without_equilibrium_are_a_failure(tmp_path: Path) -> No
     assert linear(tmp_path / "a.zarr").attributes["n_points"] == 11
 
 
-def test_an_instability_between_speeds_without_equilibrium_is_a_failure() -> None:
-    eigenvalues = np.full((4, 2), complex(np.nan, np.nan))
-    eigenvalues[[0, 3], 0] = -0.1 + 1j, 0.2 + 1j
-    rows = {"speed": np.arange(4.0), "eigenvalues": eigenvalues, "state": np.zeros((4, 1))}
-    found = _instability(None, np.zeros(4), rows)  # type: ignore[arg-type]
-    assert found["instability_speed"] is None
-    assert found["instability_between"] == [0.0, 3.0]
-    assert found["unstable_from_start"] is False
+def instability(monkeypatch: pytest.MonkeyPatch, *growth: float) -> dict[str, Any]:
+    """What is told of leading pairs that grow so at the speeds 0, 1, ...; NaN: no equilibrium."""
+    eigenvalues = np.array(growth)[:, None] + 1j
+    eigenvalues[np.isnan(eigenvalues)] = complex(np.nan, np.nan)
+    states = np.zeros((len(growth), 1))
+    rows = {"speed": np.arange(len(growth)), "eigenvalues": eigenvalues, "state": states}
+
+    def middle(machine: None, parameters: None, low: float, high: float, guess: None) -> Instability:
+        return Instability(
+            0.5 * (low + high), 1.0, np.zeros(1), Equilibrium(np.zeros(1), 0, 0, True, ""), 0, 1
+        )
+
+    monkeypatch.setattr(stage, "hopf_between", middle)
+    return stage._instability(None, np.zeros(4), rows)  # type: ignore[arg-type]
+
+
+def test_an_instability_between_speeds_without_equilibrium_is_a_failure(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Also where the equilibrium becomes stable again and loses it once more: that is not the first."""
+    for after in ((), (-0.1, 0.2)):
+        found = instability(monkeypatch, -0.1, np.nan, np.nan, 0.2, *after)
+        assert found["instability_speed"] is None
+        assert found["instability_between"] == [0.0, 3.0]
+        assert found["unstable_from_start"] is False
+
+
+def test_what_is_unstable_from_the_start_is_told_beside_a_later_instability(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = instability(monkeypatch, 0.1, -0.1, 0.2)
+    assert (found["instability_speed"], found["unstable_from_start"]) == (1.5, True)
+    assert "unstable_from_start" not in instability(monkeypatch, -0.1, -0.2, 0.2)

@@ -167,3 +167,10 @@ def test_a_branch_without_rows_is_still_to_come_when_it_is_asked_for_otherwise(t
     found = planned(other, store, "continue_cycles")["continue_cycles"]
     assert (found.there, found.points) == (There.NOTHING, 0)
     assert Watched("continue_cycles", other, store).result.ok
+
+
+def test_critical_speeds_that_failed_are_a_failure(tmp_path: Path) -> None:
+    heavy = tiny_case("rotor.gravity=1000", "criticals.points=2", "criticals.unbalance_points=2")
+    assert not Watched("criticals", heavy, tmp_path / "a.zarr").result.ok
+    found = planned(heavy, tmp_path / "a.zarr", "criticals")["criticals"]
+    assert (found.there, found.seconds) == (There.FAILED, 0.0)

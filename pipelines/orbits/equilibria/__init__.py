@@ -4,5 +4,6 @@
 - linear: bearing coefficients, leading eigenvalues, the speed of instability
 - modes: oscillating modes at one speed, and which is which at another
 - campbell: modes followed over the speed
+- followed_mode: one mode, followed to any speed
 - critical_speeds: critical speeds, their count, predicted parametric resonances
 """

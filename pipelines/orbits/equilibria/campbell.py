@@ -7,6 +7,8 @@ inserted between two that do not tell
 2.  how often a mode meets the synchronous line.  Its path g = Im lambda - Omega with second divided
     difference c leaves its chord by c h^2 / 4.  Does it end on one side, it must be farther from the line
     than that; does it change sides, |dg| > c h^2, so that it is monotone.
+
+Where no speeds are closer the extremum of g is sought: a mode that hardly crosses the line does so twice.
 """
 
 from __future__ import annotations
@@ -16,10 +18,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rotor_modes import whirl_directions
 from pipelines.orbits.equilibria.equilibrium import equilibrium_along
+from pipelines.orbits.equilibria.followed_mode import FollowedMode, LostModeError
 from pipelines.orbits.equilibria.linear import Array, ComplexArray, at_speed
 from pipelines.orbits.equilibria.modes import LARGEST_DAMPING_RATIO, Match, ModeSet, match_modes, modes_at
 
@@ -32,6 +36,8 @@ DAMPING_MARGIN = 0.08
 CLOSEST, CLOSEST_TO_GAP = 2.0**-12, 2.0**-8
 # Times which the path may be farther from its chord than its curvature at the neighbouring speeds says.
 BOW_SAFETY = 2.0
+# A mode that crosses the synchronous line by less than this frequency touches it only.
+TOUCHING = 1e-10
 
 
 @dataclass(frozen=True)
@@ -109,16 +115,54 @@ class _Path:
         match, first, second = self.matches[interval], self.sets[interval], self.sets[interval + 1]
         if match is None or first is None or second is None:
             return False
-        near, far = self._followed(first), self._followed(second)
-        found = {k: j for j, k in enumerate(match.partner) if match.certain[j]}
-        if any(near[j] and not match.certain[j] for j in range(len(near))):
-            return True
-        if any(far[k] and k not in found for k in range(len(far))):
-            return True
-        return any(self._may_turn(interval, j, k) for k, j in found.items() if near[j] or far[k])
+        certain = [pair for pair in match.pairs if match.certain[pair[0]]]
+        for end, modes in enumerate((first, second)):
+            in_doubt = self._followed(modes, self.top) & ~_among(certain, end, modes)
+            alone = self._followed(modes, modes.top) & ~_among(match.pairs, end, modes)
+            if (in_doubt | alone).any():
+                return True
+        return any(self._may_turn(interval, *pair) for pair in self._followed_pairs(interval))
 
-    def _followed(self, modes: ModeSet) -> NDArray[np.bool_]:
-        return (modes.damping_ratios < self.limit) & (modes.eigenvalues.imag <= self.top)
+    def _followed(self, modes: ModeSet, top: float) -> NDArray[np.bool_]:
+        return (modes.damping_ratios < self.limit) & (modes.eigenvalues.imag <= top)
+
+    def _followed_pairs(self, interval: int) -> list[tuple[int, int]]:
+        """The modes that are the same at both speeds beyond doubt, followed at one of them."""
+        match, first, second = self.matches[interval], self.sets[interval], self.sets[interval + 1]
+        if match is None or first is None or second is None:
+            return []
+        near, far = (self._followed(modes, self.top) for modes in (first, second))
+        return [(j, k) for j, k in match.pairs if match.certain[j] and (near[j] or far[k])]
+
+    def hidden_crossings(self, interval: int) -> list[float]:
+        """Speeds between two at which a mode is on the other side of the synchronous line than at both."""
+        found = []
+        for first, second in self._followed_pairs(interval):
+            low, high = self._excess(interval, first), self._excess(interval + 1, second)
+            if low[1] * high[1] > 0.0 and self._may_turn(interval, first, second):
+                extremum = self._extremum(interval, first, second)
+                if extremum is not None:
+                    found.append(extremum)
+        return sorted(found)
+
+    def _extremum(self, interval: int, first: int, second: int) -> float | None:
+        """Where the path of a mode comes nearest to the synchronous line, if it is beyond it there."""
+        sets, (low, high) = self.sets[interval : interval + 2], self.speeds[interval : interval + 2]
+        known = {
+            speed: (modes, number)
+            for speed, modes, number in zip((low, high), sets, (first, second), strict=True)
+            if modes is not None
+        }
+        mode = FollowedMode(self.machine, self.parameters, self.states[interval], self.top, known)
+        side = np.sign(mode.excess(low))
+        try:
+            nearest = minimize_scalar(
+                lambda speed: side * mode.excess(float(speed)), bounds=(low, high), method="bounded",
+                options={"xatol": 1e-6 * (high - low)},
+            )  # fmt: skip
+        except LostModeError:
+            return None
+        return float(nearest.x) if nearest.fun < -TOUCHING else None
 
     def _may_turn(self, interval: int, first: int, second: int) -> bool:
         """Whether a mode may meet the synchronous line otherwise than its sides at both speeds say."""
@@ -138,6 +182,11 @@ class _Path:
         modes = self.sets[index]
         assert modes is not None
         return self.speeds[index], float(modes.eigenvalues[mode].imag) - self.speeds[index]
+
+
+def _among(pairs: list[tuple[int, int]], end: int, modes: ModeSet) -> NDArray[np.bool_]:
+    """Which modes of an end of an interval are in pairs."""
+    return np.isin(np.arange(len(modes.eigenvalues)), [pair[end] for pair in pairs])
 
 
 def may_turn(points: Array, own: int) -> bool:
@@ -182,6 +231,11 @@ def campbell_diagram(
                 visit(len(speeds))
             low, high = path.speeds[interval : interval + 2]
             path.insert(interval + 1, np.array([low, 0.5 * (low + high), high]), 1)
+    for interval in reversed(range(len(path.matches))):
+        if path.is_open(interval):
+            for speed in reversed(path.hidden_crossings(interval)):
+                low, high = path.speeds[interval : interval + 2]
+                path.insert(interval + 1, np.array([low, speed, high]), 1)
     return _diagram(path)
 
 

@@ -8,6 +8,8 @@ The number of modes above the synchronous line and below the bound changes along
 crosses the line or passes the bound; so between the ends of a range
 
     N(end) - N(begin) = sum of crossings (-1 downwards, +1 upwards) + sum of passages of the bound
+
+Of a large machine only modes up to a highest frequency are counted, which they pass too.
 """
 
 from __future__ import annotations
@@ -18,14 +20,20 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rotor_modes import whirl_directions
 from pipelines.orbits.equilibria.campbell import DAMPING_MARGIN, TOP, CampbellDiagram
-from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
-from pipelines.orbits.equilibria.linear import Array, ComplexArray, at_speed
-from pipelines.orbits.equilibria.modes import LARGEST_DAMPING_RATIO, Match, ModeSet, match_modes, modes_at
+from pipelines.orbits.equilibria.followed_mode import FollowedMode, LostModeError
+from pipelines.orbits.equilibria.linear import Array, ComplexArray
+from pipelines.orbits.equilibria.modes import LARGEST_DAMPING_RATIO, Match, ModeSet
+
+Sides = NDArray[np.bool_]
+
+# A mode whose frequency differs from the speed by less than this at an end of the range is synchronous there.
+ON_LINE = 1e-8
+# Which multiple of the least distance between eigenvalues may be that between those of one mode.
+SIMILAR = 3.0
 
 NO_EQUILIBRIUM, NOT_TOLD_APART = "there is no equilibrium", "modes cannot be told apart"
 
@@ -94,17 +102,18 @@ def critical_speeds(
     Modes damped more than ``LARGEST_DAMPING_RATIO`` are no critical speeds either.
     """
     max_damping_ratio = min(max_damping_ratio, LARGEST_DAMPING_RATIO)
+    sides = _sides(diagram)
     counts = np.array(
         [
-            -1 if modes is None else _above(modes, float(speed), max_damping_ratio).sum()
-            for speed, modes in zip(diagram.speeds, diagram.sets, strict=True)
+            -1 if modes is None or above is None else _counted(modes, above, max_damping_ratio).sum()
+            for modes, above in zip(diagram.sets, sides, strict=True)
         ]
     )
     found: list[CriticalSpeed] = []
     undecided = _gaps(diagram, counts)
     passages = 0
     for index in range(len(diagram.matches)):
-        interval = _interval(diagram, index)
+        interval = _interval(diagram, sides, index)
         if interval is None:
             continue
         located = [
@@ -126,65 +135,89 @@ def critical_speeds(
     )
 
 
-def _above(modes: ModeSet, speed: float, max_damping_ratio: float) -> NDArray[np.bool_]:
+def _sides(diagram: CampbellDiagram) -> list[Sides | None]:
+    """Which modes are above the synchronous line at every speed.
+
+    One that is synchronous at an end of the range crosses the line there: its side is the other one than at
+    the neighbouring speed.
+    """
+    excess = [
+        None if modes is None else modes.eigenvalues.imag - speed
+        for speed, modes in zip(diagram.speeds, diagram.sets, strict=True)
+    ]
+    sides = [None if one is None else np.asarray(one > 0.0) for one in excess]
+    for end, beside in ((0, 1), (-1, -2)) if diagram.matches else ():
+        match = diagram.matches[end]
+        for mode, partner in [] if match is None else match.pairs:
+            own, other = (mode, partner) if end == 0 else (partner, mode)
+            at_end, away, distance = sides[end], sides[beside], excess[end]
+            if at_end is None or away is None or distance is None:
+                continue
+            if abs(distance[own]) <= ON_LINE:
+                at_end[own] = not away[other]
+    return sides
+
+
+def _counted(modes: ModeSet, above: Sides, max_damping_ratio: float) -> Sides:
     """Modes above the synchronous line and below the bound."""
-    return np.asarray((modes.eigenvalues.imag > speed) & (modes.damping_ratios < max_damping_ratio))
+    known = modes.eigenvalues.imag <= modes.top
+    return np.asarray(above & known & (modes.damping_ratios < max_damping_ratio))
 
 
 @dataclass(frozen=True)
 class _Interval:
-    """Two neighbouring speeds with their modes; ``doubtful`` where closer speeds did not tell these apart."""
+    """Two neighbouring speeds with their modes and which of these are ``above`` the synchronous line;
+    ``doubtful`` where closer speeds did not tell them apart.
+    """
 
     speeds: tuple[float, float]
     sets: tuple[ModeSet, ModeSet]
+    above: tuple[Sides, Sides]
     match: Match
     doubtful: bool
 
-    @property
-    def pairs(self) -> list[tuple[int, int]]:
-        """The modes that are known at both speeds."""
-        return [(mode, partner) for mode, partner in enumerate(self.match.partner) if partner >= 0]
-
-    def above(self, end: int) -> NDArray[np.bool_]:
-        """Which modes of an end are above the synchronous line."""
-        return np.asarray(self.sets[end].eigenvalues.imag > self.speeds[end])
-
     def crossing(self, limit: float) -> list[tuple[int, int]]:
         """Those that change the side of the line, damped less than a limit at one of the speeds."""
-        before, after = self.above(0), self.above(1)
+        before, after = self.above
         light = [modes.damping_ratios < limit for modes in self.sets]
-        return [(j, k) for j, k in self.pairs if before[j] != after[k] and (light[0][j] or light[1][k])]
+        return [(j, k) for j, k in self.match.pairs if before[j] != after[k] and (light[0][j] or light[1][k])]
 
     def change(self, max_damping_ratio: float) -> int:
         """Change of the count of modes above the line and below the bound, by those known at both speeds."""
-        before, after = (_above(self.sets[end], self.speeds[end], max_damping_ratio) for end in (0, 1))
-        return sum(int(after[partner]) - int(before[mode]) for mode, partner in self.pairs)
+        before, after = (_counted(self.sets[end], self.above[end], max_damping_ratio) for end in (0, 1))
+        return sum(int(after[partner]) - int(before[mode]) for mode, partner in self.match.pairs)
 
     def doubt_matters(self, max_damping_ratio: float) -> bool:
-        """Whether modes that cannot be told apart are on both sides of the synchronous line."""
+        """Whether a mode that cannot be told from others may be one of several at the other speed, the
+        nearest in doubt there, that are on both sides of the synchronous line.
+        """
         if not self.doubtful:
             return False
-        certain = (
-            np.array(self.match.certain),
-            np.isin(
-                np.arange(len(self.sets[1].eigenvalues)),
-                [partner for mode, partner in self.pairs if self.match.certain[mode]],
-            ),
-        )
-        sides: set[bool] = set()
-        for end in (0, 1):
-            doubted = ~certain[end] & (self.sets[end].damping_ratios < max_damping_ratio)
-            sides |= set(self.above(end)[doubted].tolist())
-        return len(sides) == 2
+        in_doubt = [self._in_doubt(end) for end in (0, 1)]
+        for end, other in ((0, 1), (1, 0)):
+            light = in_doubt[end] & (self.sets[end].damping_ratios < max_damping_ratio)
+            eigenvalues = self.sets[other].eigenvalues[in_doubt[other]]
+            above = self.above[other][in_doubt[other]]
+            distances = np.abs(self.sets[end].eigenvalues[light, None] - eigenvalues)
+            near = distances <= SIMILAR * distances.min(axis=1, keepdims=True, initial=np.inf)
+            if ((near & above).any(axis=1) & (near & ~above).any(axis=1)).any():
+                return True
+        return False
+
+    def _in_doubt(self, end: int) -> NDArray[np.bool_]:
+        """The modes of an end that are not known beyond doubt at the other one."""
+        certain = [pair[end] for pair in self.match.pairs if self.match.certain[pair[0]]]
+        return ~np.isin(np.arange(len(self.above[end])), certain)
 
 
-def _interval(diagram: CampbellDiagram, index: int) -> _Interval | None:
+def _interval(diagram: CampbellDiagram, sides: list[Sides | None], index: int) -> _Interval | None:
     """The interval above a speed of the diagram; None beside a speed without equilibrium."""
     match, first, second = diagram.matches[index], diagram.sets[index], diagram.sets[index + 1]
-    if match is None or first is None or second is None:
+    before, after = sides[index : index + 2]
+    if match is None or first is None or second is None or before is None or after is None:
         return None
     speeds = float(diagram.speeds[index]), float(diagram.speeds[index + 1])
-    return _Interval(speeds, (first, second), match, index in diagram.doubtful)
+    return _Interval(speeds, (first, second), (before, after), match, index in diagram.doubtful)
 
 
 def _gaps(diagram: CampbellDiagram, counts: NDArray[np.int64]) -> list[Undecided]:
@@ -212,37 +245,20 @@ def _locate(
     """
     low, high = interval.speeds
     known = {
-        speed: (complex(modes.eigenvalues[mode]), modes.shapes[mode])
-        for speed, modes, mode in zip(interval.speeds, interval.sets, pair, strict=True)
+        speed: (modes, mode) for speed, modes, mode in zip(interval.speeds, interval.sets, pair, strict=True)
     }
-
-    def pair_at(speed: float) -> tuple[complex, ComplexArray]:
-        if speed not in known:
-            at = at_speed(parameters, speed)
-            equilibrium = machine_equilibrium(machine, at, state)
-            if not equilibrium.converged:
-                raise _LostError
-            modes = modes_at(machine, at, equilibrium.state, TOP * high)
-            own = match_modes(interval.sets[0], modes).partner[pair[0]]
-            if own < 0:
-                raise _LostError
-            known[speed] = complex(modes.eigenvalues[own]), modes.shapes[own]
-        return known[speed]
-
-    def excess(speed: float) -> float:
-        return pair_at(speed)[0].imag - speed
-
+    mode = FollowedMode(machine, parameters, state, TOP * high, known)
     try:
-        speed = float(brentq(excess, low, high, xtol=1e-10))
-        eigenvalue, shape = pair_at(speed)
-    except _LostError:
+        if mode.excess(low) * mode.excess(high) < 0.0:
+            speed = mode.crossing(low, high)
+        else:  # synchronous at an end of the range
+            speed = min(low, high, key=lambda end: abs(mode.excess(end)))
+    except LostModeError:
         return None
-    change = 1 if excess(low) < 0.0 else -1
+    modes, number = mode.at(speed)
+    eigenvalue, shape = complex(modes.eigenvalues[number]), modes.shapes[number]
+    change = -1 if interval.above[0][pair[0]] else 1
     return CriticalSpeed(speed, eigenvalue, int(whirl_directions(shape[None])[0]), shape, change)
-
-
-class _LostError(Exception):
-    """A mode is not found at a speed between two at which it is known."""
 
 
 @dataclass(frozen=True)

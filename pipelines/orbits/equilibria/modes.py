@@ -7,7 +7,8 @@ conjugates,
 
 R (the relative gain array) does not depend on the scale of any column.  It tends to the identity as the
 speeds meet, also where modes are far from orthogonal, and its rows add up to 1: a mode k with R_jk near 1 is
-mode j.
+mode j.  Modes of one eigenvalue have no vectors of their own, only a space that they span: of such a group R
+is summed up.
 """
 
 from __future__ import annotations
@@ -26,22 +27,30 @@ from pipelines.orbits.equilibria.linear import Array, ComplexArray, eigenpairs_n
 # Modes damped more than this are film and foil modes, of no interest to a rotor; those a little more damped
 # are known too, so that one whose damping changes is not lost.
 LARGEST_DAMPING_RATIO, LARGEST_KNOWN = 0.9, 0.99
+# Eigenvalues that differ by less than this part are the same.
+SAME = 1e-8
 # |R_jk - 1| below which two modes are the same beyond doubt, and below which they are taken as the same.
 CERTAIN, LIKELY = 0.3, 0.75
 # Up to this size all eigenvalues of the dense matrix are computed: none can be missed.
 DENSE_SIZE = 500
 SHIFTS, MODES_PER_SHIFT, MOST_PER_SHIFT = 4, 10, 80
+# Of a large machine the modes up to this many times the highest frequency are computed, so that none that
+# passes it is lost, and up to this damping ratio.
+BEYOND, SECTOR = 1.2, 0.63
+SLOPE = SECTOR / np.sqrt(1.0 - SECTOR**2)  # -Re / Im of these
 
 
 @dataclass(frozen=True)
 class ModeSet:
     """Oscillating modes at one speed by rising frequency: eigenvalues (modes,), unit eigenvectors (N, modes)
-    of the whole state, displacements at all shaft nodes (modes, nodes, 2).
+    of the whole state, displacements at all shaft nodes (modes, nodes, 2).  None with a frequency up to
+    ``top`` is missing.
     """
 
     eigenvalues: ComplexArray
     vectors: ComplexArray
     shapes: ComplexArray
+    top: float = np.inf
 
     @property
     def damping_ratios(self) -> Array:
@@ -51,17 +60,18 @@ class ModeSet:
 
 def modes_at(machine: Machine, parameters: Array, state: Array, top: float) -> ModeSet:
     """Modes with a damping ratio below ``LARGEST_KNOWN``; of a large machine those with Im lambda
-    below about ``top``.
+    below about ``top``, damped up to about ``SECTOR``.
     """
     jacobian = machine.jacobian(MEAN_PHASE, state, at_rest(parameters))
     if jacobian.shape[0] <= DENSE_SIZE:
         values, vectors = np.linalg.eig(jacobian.toarray())
+        top = np.inf
     else:
-        values, vectors = _sparse_pairs(jacobian, top)
+        values, vectors = _sparse_pairs(jacobian, BEYOND * top)
     kept = (values.imag > 1e-6) & (-values.real < LARGEST_KNOWN * np.abs(values))
     order = np.flatnonzero(kept)[np.argsort(values.imag[kept], kind="stable")]
     vectors = vectors[:, order] / np.linalg.norm(vectors[:, order], axis=0)
-    return ModeSet(values[order], vectors, node_shapes(machine, vectors))
+    return ModeSet(values[order], vectors, node_shapes(machine, vectors), top)
 
 
 def _sparse_pairs(jacobian: sparse.csc_array, top: float) -> tuple[ComplexArray, ComplexArray]:
@@ -69,8 +79,8 @@ def _sparse_pairs(jacobian: sparse.csc_array, top: float) -> tuple[ComplexArray,
     lightly damped modes up to ``top``.
     """
     shifts = np.asarray(1j * top * (np.arange(SHIFTS) + 0.5) / SHIFTS, dtype=np.complex128)
-    frequency, slope = np.meshgrid(np.linspace(0.05, 1.0, 20) * top, np.linspace(0.0, 0.58, 7))
-    sector = (frequency * (1j - slope)).ravel()  # up to a damping ratio of 1/2
+    frequency, slope = np.meshgrid(np.linspace(0.05, 1.0, 20) * top, np.linspace(0.0, SLOPE, 7))
+    sector = (frequency * (1j - slope)).ravel()
     count = MODES_PER_SHIFT
     while True:
         pairs = eigenpairs_near(jacobian, shifts, count)
@@ -100,15 +110,29 @@ class Match:
     partner: tuple[int, ...]
     certain: tuple[bool, ...]
 
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """The modes that are known in both sets."""
+        return [(mode, partner) for mode, partner in enumerate(self.partner) if partner >= 0]
+
 
 def match_modes(first: ModeSet, second: ModeSet) -> Match:
     """The modes of ``first`` among those of ``second``, one to one."""
-    doubt = np.abs(_relative_gains(first.vectors, second.vectors) - 1.0)
+    gains = _relative_gains(first.vectors, second.vectors)
+    same_before, same_after = _same(first.eigenvalues), _same(second.eigenvalues)
+    gains = np.where(same_after.sum(axis=0) > 1, gains @ same_after, same_before @ gains)
+    doubt = np.abs(gains - 1.0)
     partner, certain = [-1] * len(first.eigenvalues), [False] * len(first.eigenvalues)
     for row, column in zip(*linear_sum_assignment(np.minimum(doubt, 1.0)), strict=True):
         if doubt[row, column] < LIKELY:
             partner[row], certain[row] = int(column), bool(doubt[row, column] < CERTAIN)
     return Match(tuple(partner), tuple(certain))
+
+
+def _same(eigenvalues: ComplexArray) -> Array:
+    """1 for each two modes that have one eigenvalue, (modes, modes)."""
+    apart = np.abs(eigenvalues[:, None] - eigenvalues)
+    return np.asarray(apart <= SAME * np.abs(eigenvalues), dtype=np.float64)
 
 
 def _relative_gains(first: ComplexArray, second: ComplexArray) -> ComplexArray:

@@ -39,7 +39,7 @@ EVENT_TOLERANCE = 1e-6  # of the bracket along the branch: well below what diffe
 
 FOUND, CENSORED_BELOW, CENSORED_ABOVE = "found", "censored_below", "censored_above"
 NO_EQUILIBRIUM, NO_CYCLE, BRANCH_LOST = "no_equilibrium", "no_cycle", "branch_lost"
-FILM_LIMIT, INVALID = "film_limit", "invalid_machine"
+FILM_LIMIT, INVALID, UNDECIDED = "film_limit", "invalid_machine", "undecided"
 STATUSES = {
     FOUND: "found",
     CENSORED_BELOW: "unstable from the lowest speed of the range: the onset is at most that speed",
@@ -49,8 +49,9 @@ STATUSES = {
     BRANCH_LOST: "the branch could not be followed: lower continue_cycles.maximum_step or minimum_step",
     FILM_LIMIT: "the film touches the foil before an onset: see continue_cycles.minimum_film",
     INVALID: "these values make no machine",
+    UNDECIDED: "critical speeds below it may be missing: agfb criticals tells where and why",
 }
-FAILED = frozenset({NO_EQUILIBRIUM, NO_CYCLE, BRANCH_LOST, FILM_LIMIT, INVALID})
+FAILED = frozenset({NO_EQUILIBRIUM, NO_CYCLE, BRANCH_LOST, FILM_LIMIT, INVALID, UNDECIDED})
 HOPF = "hopf"
 KINDS_OF = {
     "any": frozenset(EventKind),

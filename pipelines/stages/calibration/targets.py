@@ -26,6 +26,7 @@ from pipelines.stages.calibration.onset_speed import (
     FOUND,
     INVALID,
     NO_EQUILIBRIUM,
+    UNDECIDED,
     Onset,
     onset_speed,
 )
@@ -110,11 +111,9 @@ def _critical_speed(case: Case, target: CalibrationTarget, should_stop: ShouldSt
     diagram = campbell_diagram(machine, parameters, speeds, visit, table.max_damping_ratio)
     if len(diagram.missing) == len(diagram.speeds):
         return Onset(NO_EQUILIBRIUM)
-    found = [
-        critical.speed
-        for critical in critical_speeds(machine, parameters, diagram, table.max_damping_ratio).found
-        if critical.direction in DIRECTIONS[target.whirl]
-    ]
-    if len(found) < target.number:
-        return Onset(CENSORED_ABOVE, float(speeds[-1]))
-    return Onset(FOUND, found[target.number - 1])
+    result = critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
+    found = [one.speed for one in result.found if one.direction in DIRECTIONS[target.whirl]]
+    wanted = found[target.number - 1] if len(found) >= target.number else math.inf
+    if any(one.matters and one.low < wanted for one in result.undecided):
+        return Onset(UNDECIDED)
+    return Onset(FOUND, wanted) if math.isfinite(wanted) else Onset(CENSORED_ABOVE, float(speeds[-1]))

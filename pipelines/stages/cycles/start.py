@@ -154,11 +154,7 @@ def _small_whirl(machine: Machine, case: Case, problem: CycleProblem, watch: Wat
     low, high = case.continue_cycles.range if problem.parameter == "speed" else case.linearize.speed_range
     hopf = first_hopf(machine, problem.parameters, low, high)
     if hopf is None:
-        return NoStart(
-            f"the equilibrium does not lose its stability between the speeds {low:g} and {high:g}: "
-            "no self-excited whirl begins there",
-            "widen the range of speeds; agfb linearize shows the growth rates",
-        )
+        return _without_hopf(machine, problem.parameters, low, high)
     state, amplitude = hopf.equilibrium.state, case.continue_cycles.amplitude
     correction = start_at_hopf(along_speed, state, hopf.eigenvector, hopf.frequency, hopf.speed, amplitude)
     if correction.cycle is None:
@@ -179,6 +175,20 @@ def _small_whirl(machine: Machine, case: Case, problem: CycleProblem, watch: Wat
     if isinstance(carried, NoStart):
         return replace(carried, advice="set operation.speed nearer to the Hopf point")
     return FirstCycle(replace(carried, parameter=float(problem.parameters[problem.index])))
+
+
+def _without_hopf(machine: Machine, parameters: Array, low: float, high: float) -> NoStart:
+    """Why no whirl begins between two speeds: an end has no equilibrium, or it stays as stable as it is."""
+    for speed in (low, high):
+        found = machine_equilibrium(machine, at_speed(parameters, speed))
+        if not found.converged:
+            reason = f"no loss of stability was found between the speeds {low:g} and {high:g}"
+            return NoStart(f"{reason}: at speed {speed:g} there is no equilibrium", found.reason)
+    return NoStart(
+        f"the equilibrium does not lose its stability between the speeds {low:g} and {high:g}: "
+        "no self-excited whirl begins there",
+        "widen the range of speeds; agfb linearize shows the growth rates",
+    )
 
 
 def first_hopf(

@@ -4,6 +4,7 @@ condensed rotor.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.condensation_check import CondensationComparison, compare_condensation
 from pipelines.orbits.equilibria.campbell import CampbellDiagram, campbell_diagram
 from pipelines.orbits.equilibria.critical_speeds import (
+    NO_EQUILIBRIUM,
     CriticalSpeed,
     CriticalSpeeds,
     Resonance,
@@ -41,6 +43,7 @@ UNBALANCE_ECCENTRICITY = 0.01
 
 NO_CRITICAL = "no critical speed lies inside the range"
 UNDECIDED = "critical speeds may be missing"
+WELL = missing_speeds.WELL | {NO_CRITICAL}  # reasons that are no failure
 
 
 def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
@@ -93,6 +96,8 @@ def _told(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> 
     if doubts := [one for one in critical.undecided if one.matters]:
         reason = UNDECIDED
         advice = "; ".join([str(doubts[0]), *([advice] if advice else [])])
+    elif reason == missing_speeds.FINISHED and critical.undecided:
+        reason, advice = missing_speeds.SOME_MISSING, "; ".join(map(str, critical.undecided))
     elif reason == missing_speeds.FINISHED and not critical.found:
         reason, advice = NO_CRITICAL, "widen criticals.speed_range or raise criticals.max_damping_ratio"
     counts = critical.counts[critical.counts >= 0].tolist()
@@ -237,9 +242,16 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
     }
     attributes = content.attributes
     summary["condensation error"] = attributes.get("condensation_error")
-    if attributes[missing_speeds.ATTRIBUTE]:
-        summary["without equilibrium"] = missing_speeds.named(attributes[missing_speeds.ATTRIBUTE])
+    if without := _without_equilibrium(attributes):
+        summary["without equilibrium"] = without
     reason = attributes["stop_reason"]
-    ok = reason in missing_speeds.WELL or reason == NO_CRITICAL
     advice, caution = attributes["stop_advice"], attributes.get("caution", "")
-    return StageResult(case_id, ok, reason, advice, summary, caution=caution)
+    return StageResult(case_id, reason in WELL, reason, advice, summary, caution=caution)
+
+
+def _without_equilibrium(attributes: Mapping[str, Any]) -> str:
+    """The speeds of the range that have none, or the stretches between these; empty without any."""
+    if missing := attributes[missing_speeds.ATTRIBUTE]:
+        return missing_speeds.named(missing)
+    gaps = [one for one in attributes["undecided_stretches"] if one["reason"] == NO_EQUILIBRIUM]
+    return ", ".join(f"{gap['low']:.4g} to {gap['high']:.4g}" for gap in gaps)

@@ -169,27 +169,26 @@ def _instability(machine: Machine, parameters: Array, rows: Mapping[str, NDArray
     """Attributes of the lowest Hopf point between two neighbouring speeds; None where the range has none, or
     where it lies beside a speed without equilibrium: then ``instability_between`` tells the speeds.
     """
-    growth = leading_growth(rows["eigenvalues"])
-    for index in np.flatnonzero(
-        np.isfinite(growth[:-1] * growth[1:]) & (growth[:-1] < 0.0) & (growth[1:] >= 0.0)
-    ):
-        low, high = float(rows["speed"][index]), float(rows["speed"][index + 1])
-        hopf = hopf_between(machine, parameters, low, high, rows["state"][index])
+    growth, speeds = leading_growth(rows["eigenvalues"]), rows["speed"]
+    known = np.flatnonzero(np.isfinite(growth))
+    from_start = bool(growth[known][:1] > 0.0)
+    none = {"instability_speed": None, "unstable_from_start": from_start}
+    for before, after in pairwise(known):
+        if not growth[before] < 0.0 <= growth[after]:
+            continue
+        low, high = float(speeds[before]), float(speeds[after])
+        if after > before + 1:
+            return none | {"instability_between": [low, high]}
+        hopf = hopf_between(machine, parameters, low, high, rows["state"][before])
         if hopf is not None:
-            return {
+            found = {
                 "instability_speed": hopf.speed,
                 "instability_frequency": hopf.frequency,
                 "instability_growth": hopf.growth,
                 "instability_growth_slope": hopf.growth_slope,
             }
-    known = np.flatnonzero(np.isfinite(growth))
-    hidden = [
-        {"instability_between": [float(rows["speed"][before]), float(rows["speed"][after])]}
-        for before, after in pairwise(known)
-        if after > before + 1 and growth[before] < 0.0 <= growth[after]
-    ]
-    begin = {"instability_speed": None, "unstable_from_start": bool(growth[known][:1] > 0.0)}
-    return begin | (hidden[0] if hidden else {})
+            return found | ({"unstable_from_start": True} if from_start else {})
+    return none
 
 
 def leading_growth(eigenvalues: NDArray[np.complex128]) -> Array:
@@ -218,7 +217,7 @@ def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
     summary = {"speeds": attributes["n_points"], "instability speed": speed}
     if speed is not None:
         summary["whirl frequency"] = attributes["instability_frequency"]
-    elif attributes.get("unstable_from_start"):
+    if attributes.get("unstable_from_start"):
         summary["unstable from the lowest speed"] = True
     missing = attributes.get(missing_speeds.ATTRIBUTE, [])
     if missing:

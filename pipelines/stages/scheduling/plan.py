@@ -23,7 +23,7 @@ from pipelines.stages.calibration import calibrate
 from pipelines.stages.curves import bifurcation_set, track_curves
 from pipelines.stages.cycles import continue_cycles
 from pipelines.stages.cycles.branch import NOT_ASKED, WANTING_POINTS
-from pipelines.stages.linear import missing_speeds
+from pipelines.stages.linear import criticals, missing_speeds
 from pipelines.stages.refinement import refine
 from pipelines.stages.refinement.points import stored_points
 from pipelines.stages.scheduling.durations import Durations
@@ -121,9 +121,10 @@ def _made_in_one_piece(found: Planned, here: _Here) -> Planned:
     """The critical speeds: made again for another table."""
     if not here.own:
         return found
-    there = There.NOTHING if found.there is There.OTHERWISE else There.COMPLETE
-    points = here.case.criticals.points if there is There.COMPLETE else 0
-    return replace(found, there=there, points=points)
+    (group,) = here.own.values()
+    ended = There.COMPLETE if group["stop_reason"] in criticals.WELL else There.FAILED
+    there = There.NOTHING if found.there is There.OTHERWISE else ended
+    return replace(found, there=there, points=0 if there is There.NOTHING else here.case.criticals.points)
 
 
 def _in_both_directions(found: Planned, here: _Here) -> Planned:
@@ -198,7 +199,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
         ),
         "criticals": _Extent(
             groups=("criticals",),
-            success=frozenset(),
+            success=criticals.WELL,
             table="criticals",
             duration=Durations.of_campbell_speed,
             most=lambda case: case.criticals.points,
