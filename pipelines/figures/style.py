@@ -6,6 +6,7 @@ that restores the caller's settings, and are plain ``Figure`` objects that pyplo
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
@@ -97,7 +98,9 @@ def styled() -> Iterator[None]:
     `matplotlib.rcdefaults` would load the user's styles too, and stop at one that cannot be read.
     """
     defaults = {key: value for key, value in mpl.rcParamsDefault.items() if "backend" not in key}
-    with mpl.rc_context({**defaults, **SETTINGS}):
+    with mpl.rc_context({**defaults, **SETTINGS}), warnings.catch_warnings():
+        # such a letter of a user's own text is drawn as a box
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font")
         yield
 
 

@@ -47,6 +47,13 @@ def test_notes_and_materials_of_any_text(view, text: str, tmp_path) -> None:
         assert style.save_figure(figure, tmp_path / f"a.{kind}").stat().st_size > 0
 
 
+def test_letters_that_the_font_lacks_are_no_warning(view, recwarn, tmp_path) -> None:
+    figure = draw_machine(replace(view, note="\u6f22\u5b57 \U0001f300"))
+    for kind in style.FORMATS:
+        assert style.save_figure(figure, tmp_path / f"a.{kind}").stat().st_size > 0
+    assert not recwarn.list
+
+
 def test_a_long_title_is_broken_into_lines() -> None:
     title = f"{'x' * 200}: Campbell diagram"
     with style.styled():
