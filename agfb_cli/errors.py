@@ -129,11 +129,9 @@ def _explain_system_error(error: OSError) -> Explanation:
             ExitCode.RESOURCES, where + _EXHAUSTED[error.errno], f"raise the limit (`ulimit -a`); {_RESUMES}"
         )
     if error.errno in _FORBIDDEN:
-        return Explanation(
-            ExitCode.STORE,
-            where + (_FORBIDDEN[error.errno] or str(error.strerror)),
-            "do you have the right? With -o name a directory that you may write to",
-        )
+        told, elsewhere = _FORBIDDEN[error.errno], "name a directory that you may write to with -o"
+        hint = elsewhere if told else f"do you have the right? Where something is to be written, {elsewhere}"
+        return Explanation(ExitCode.STORE, where + (told or str(error.strerror)), hint)
     if error.errno == errno.ENAMETOOLONG:
         return Explanation(ExitCode.USAGE, where + "the name is too long", "name a shorter one")
     if error.errno == errno.ENOENT:
