@@ -66,16 +66,17 @@ _EXHAUSTED = {
     errno.EAGAIN: "too many processes or threads",
     errno.ENOLCK: "no file locks left",
 }
-_FORBIDDEN = (
-    errno.EACCES,
-    errno.EPERM,
-    errno.EROFS,
-    errno.ENOTDIR,
-    errno.EISDIR,
-    errno.EEXIST,
-    errno.ENOTEMPTY,
-    errno.ELOOP,
-)
+_FORBIDDEN = {
+    errno.EACCES: "",
+    errno.EPERM: "",
+    errno.EROFS: "",
+    errno.ENOTDIR: "a file is in the way, where a directory belongs",
+    errno.EISDIR: "",
+    errno.EEXIST: "a file is in the way, where a directory belongs",
+    errno.ENOTEMPTY: "",
+    errno.ELOOP: "a link that leads to itself",
+}
+"""What the system refuses to do with a path, in other words where its own do not tell."""
 _WRONG_CALL = (errno.EBADF, errno.ECHILD, errno.EFAULT)  # what no state of the system brings about
 _RESUMES = "what was committed is kept; the same command goes on from there"
 
@@ -108,6 +109,8 @@ def explain(error: BaseException) -> Explanation:
             "numba finds no directory that it may write its compiled kernels to",
             "set the environment variable NUMBA_CACHE_DIR to a writable directory",
         )
+    if isinstance(error, RuntimeError) and str(error).startswith("Symlink loop"):  # pathlib's, to Python 3.12
+        return _explain_system_error(OSError(errno.ELOOP, "", str(error).partition("from ")[2].strip("'")))
     return _bug(error)
 
 
@@ -126,9 +129,9 @@ def _explain_system_error(error: OSError) -> Explanation:
             ExitCode.RESOURCES, where + _EXHAUSTED[error.errno], f"raise the limit (`ulimit -a`); {_RESUMES}"
         )
     if error.errno in _FORBIDDEN:
-        return Explanation(
-            ExitCode.STORE, f"{where}{error.strerror}", "name a directory that you may write to with -o"
-        )
+        told, elsewhere = _FORBIDDEN[error.errno], "name a directory that you may write to with -o"
+        hint = elsewhere if told else f"do you have the right? Where something is to be written, {elsewhere}"
+        return Explanation(ExitCode.STORE, where + (told or str(error.strerror)), hint)
     if error.errno == errno.ENAMETOOLONG:
         return Explanation(ExitCode.USAGE, where + "the name is too long", "name a shorter one")
     if error.errno == errno.ENOENT:

@@ -22,7 +22,7 @@ def read_configuration(path: Path) -> str:
         with path.open("rb") as file:
             raw = file.read(LARGEST_CONFIGURATION + 1)
     except FileNotFoundError:
-        raise UsageError(f"{path}: no such file", nearest_name(path)) from None
+        raise UsageError(f"{path}: no such file", _dangling(path) or nearest_name(path)) from None
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
     if len(raw) > LARGEST_CONFIGURATION:
@@ -41,7 +41,7 @@ def read_configuration(path: Path) -> str:
 def existing_store(path: Path) -> Path:
     """The path of a store to read; raises UsageError when there is none."""
     if not path.exists():
-        raise UsageError(f"{path}: no such store", nearest_name(path))
+        raise UsageError(f"{path}: no such store", _dangling(path) or nearest_name(path))
     # a store that has lost its own description is damaged, which opening it says
     known = (path / "zarr.json", path / "cases" / "zarr.json")
     if not path.is_dir() or not any(file.is_file() for file in known):
@@ -50,6 +50,11 @@ def existing_store(path: Path) -> Path:
             "a store is a directory with a file zarr.json, written by `agfb run`",
         )
     return path
+
+
+def _dangling(path: Path) -> str:
+    """A hint where the path is a link to nothing, or an empty string."""
+    return f"it is a link to {os.readlink(path)}, which is not there" if path.is_symlink() else ""
 
 
 def default_store(configuration: Path) -> Path:

@@ -13,6 +13,7 @@ Config = Annotated[
     Path,
     typer.Argument(
         metavar="CONFIG",
+        readable=False,  # what cannot be read is told with the errors of the system
         help="TOML file that describes the case or cases.",
         autocompletion=completion.configurations,
     ),
@@ -20,7 +21,10 @@ Config = Annotated[
 Store = Annotated[
     Path,
     typer.Argument(
-        metavar="STORE", help="Store written by an earlier command.", autocompletion=completion.stores
+        metavar="STORE",
+        readable=False,
+        help="Store written by an earlier command.",
+        autocompletion=completion.stores,
     ),
 ]
 Output = Annotated[
@@ -29,6 +33,7 @@ Output = Annotated[
         "--output",
         "-o",
         metavar="STORE",
+        readable=False,
         help="Store to write. Default: build/NAME.zarr for NAME.toml.",
         autocompletion=completion.stores,
     ),

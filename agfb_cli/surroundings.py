@@ -13,7 +13,9 @@ import sys
 import warnings
 from importlib import import_module
 
-_CACHE = "NUMBA_CACHE_DIR"
+# numba, numpy and BLAS: which instructions of the processor they use, among others
+_CHOOSING = ("NUMBA_", "NPY_", "NUMPY_", "OPENBLAS_", "MKL_")
+_KEPT = ("NUMBA_CACHE_DIR", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _MATPLOTLIB = "MPLCONFIGDIR"
 
 
@@ -21,7 +23,7 @@ def settle() -> None:
     """Take out of the environment what would change numbers or pictures, also for processes started from
     here, and let no warning become an error. This must precede the import of numpy, numba and matplotlib.
     """
-    for name in [name for name in os.environ if name.startswith("NUMBA_") and name != _CACHE]:
+    for name in [name for name in os.environ if name.startswith(_CHOOSING) and name not in _KEPT]:
         del os.environ[name]
     os.environ["NUMBA_DISABLE_JIT"] = "0"  # also where a .numba_config.yaml says otherwise
     os.environ["MPLBACKEND"] = "agg"  # notebooks name their own, which may not be installed here

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pipelines.stages.reports.paper_comparison import Row
 
 Stores = Annotated[
-    list[Path], typer.Argument(metavar="STORE...", help="Stores with the bifurcation sets of `agfb run`.")
+    list[Path], typer.Argument(metavar="STORE", help="Stores with the bifurcation sets of `agfb run`.")
 ]
 
 

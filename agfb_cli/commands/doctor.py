@@ -70,7 +70,7 @@ def examine(output: Path) -> Iterator[Check]:
     yield blas_threads()
     directory = existing_ancestor(output)
     yield free_space(directory)
-    yield writable(directory)
+    yield writable(directory, output)
     yield file_locks(directory)
 
 
@@ -160,8 +160,12 @@ def free_space(directory: Path) -> Check:
     )
 
 
-def writable(directory: Path) -> Check:
-    """Whether stores can be created there."""
+def writable(directory: Path, output: Path) -> Check:
+    """Whether stores can be created in ``output``, on the way to which ``directory`` is the deepest."""
+    inner = output.absolute().relative_to(directory).parts[:1]
+    if inner and os.path.exists(directory / inner[0]):
+        found = f"{directory / inner[0]} is a file"
+        return Check("output directory", False, found, "name another directory with -o")
     return Check("output directory", can_write(directory), str(directory), "name another directory with -o")
 
 

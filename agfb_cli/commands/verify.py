@@ -65,7 +65,8 @@ def show(findings: list[Finding], checked: list[Checked], console: Console) -> N
     evaluated = f"{len(checked)} rows evaluated again" + (
         f", largest residual {worst:.2g} of what is allowed" if worst is not None else ""
     )
-    console.data(f"{'whole' if not wrong else f'{wrong} problems'}; {evaluated}")
+    state = f"{wrong} problem{'s' if wrong > 1 else ''}" if wrong else "whole"
+    console.data(f"{state}; {evaluated}")
 
 
 def as_data(findings: list[Finding], checked: list[Checked]) -> dict[str, Any]:

@@ -6,6 +6,8 @@ that restores the caller's settings, and are plain ``Figure`` objects that pyplo
 
 from __future__ import annotations
 
+import re
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
@@ -43,6 +45,7 @@ UNSTABLE = (0, (3.5, 1.8))  # dashes of what is not stable
 DOUBLE_COLUMN = 7.2  # inches: the width of a journal page
 NOTE_WIDTH = 120  # letters in a line of the note on the machine
 TITLE_WIDTH = 72  # and of a title that is wider than the figure
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ufffe\uffff]")
 
 SETTINGS: MappingProxyType[Any, Any] = MappingProxyType(
     {
@@ -97,7 +100,9 @@ def styled() -> Iterator[None]:
     `matplotlib.rcdefaults` would load the user's styles too, and stop at one that cannot be read.
     """
     defaults = {key: value for key, value in mpl.rcParamsDefault.items() if "backend" not in key}
-    with mpl.rc_context({**defaults, **SETTINGS}):
+    with mpl.rc_context({**defaults, **SETTINGS}), warnings.catch_warnings():
+        # such a letter of a user's own text is drawn as a box
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font")
         yield
 
 
@@ -150,9 +155,9 @@ def finish(figure: Figure, title: str, note: str = "") -> Figure:
 
 def literal(text: str) -> str:
     """A user's own text as it is drawn: a dollar begins no formula, a leading underscore hides no entry of a
-    legend.
+    legend, and what is no letter and not allowed in SVG is drawn as one that is not known.
     """
-    escaped = text.replace("$", r"\$")
+    escaped = _CONTROL.sub("\ufffd", text).replace("$", r"\$")
     return r"$\_$" + escaped[1:] if escaped.startswith("_") else escaped
 
 

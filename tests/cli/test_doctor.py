@@ -53,9 +53,18 @@ def test_a_cache_that_cannot_be_written_is_seen(tmp_path: Path, monkeypatch: pyt
 
 
 def test_a_directory_that_cannot_be_written_is_seen(tmp_path: Path) -> None:
-    assert doctor.writable(tmp_path).ok
+    assert doctor.writable(tmp_path, tmp_path / "new").ok
     assert list(tmp_path.iterdir()) == []
-    assert not doctor.writable(Path("/proc/self/fdinfo")).ok
+    unwritable = Path("/proc/self/fdinfo")
+    assert not doctor.writable(unwritable, unwritable / "new").ok
+
+
+def test_a_file_in_the_way_is_seen(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for output in (tmp_path / "file", tmp_path / "file/below"):
+        (check,) = (each for each in doctor.examine(output) if each.name == "output directory")
+        assert not check.ok
+        assert check.found == f"{tmp_path / 'file'} is a file"
 
 
 def test_a_full_disk_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

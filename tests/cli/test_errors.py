@@ -50,6 +50,18 @@ ERRORS = [
         ExitCode.STORE,
         "a.zarr/zarr.json: No such file",
     ),
+    (FileExistsError(errno.EEXIST, "File exists", "a"), ExitCode.STORE, "a: a file is in the way"),
+    (
+        NotADirectoryError(errno.ENOTDIR, "Not a directory", "a/b"),
+        ExitCode.STORE,
+        "a/b: a file is in the way",
+    ),
+    (
+        OSError(errno.ELOOP, "Too many levels", "a.zarr"),
+        ExitCode.STORE,
+        "a.zarr: a link that leads to itself",
+    ),
+    (RuntimeError("Symlink loop from '/b/a.zarr'"), ExitCode.STORE, "/b/a.zarr: a link that leads to itself"),
     (OSError(errno.EROFS, "Read-only file system", "a.zarr"), ExitCode.STORE, "Read-only"),
     (MemoryError(), ExitCode.RESOURCES, "out of memory"),
     (RuntimeError("cannot cache function: no locator available for file"), ExitCode.RESOURCES, "numba"),
@@ -149,6 +161,17 @@ def test_what_is_not_a_store_is_refused(tmp_path: Path) -> None:
         existing_store(tmp_path / "a.zarr")
     with pytest.raises(UsageError, match="not a Zarr v3 store"):
         existing_store(tmp_path)
+
+
+def test_a_link_to_nothing_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.zarr").symlink_to("gone.zarr")
+    (tmp_path / "a.toml").symlink_to("gone.toml")
+    with pytest.raises(UsageError, match="no such store") as caught:
+        existing_store(tmp_path / "a.zarr")
+    assert caught.value.hint == "it is a link to gone.zarr, which is not there"
+    with pytest.raises(UsageError, match="no such file") as caught:
+        read_configuration(tmp_path / "a.toml")
+    assert caught.value.hint == "it is a link to gone.toml, which is not there"
 
 
 def test_the_default_store_is_named_after_the_configuration() -> None:

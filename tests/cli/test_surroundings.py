@@ -51,6 +51,11 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         {"PYTHONWARNINGS": "error", "NUMBA_CACHE_DIR": "/proc/self/fdinfo", **FORMATTED},
         {"NUMBA_DISABLE_JIT": "1", "NUMBA_OPT": "0", "ZARR_CODEC_PIPELINE__PATH": "nowhere"},
+        {
+            "OPENBLAS_CORETYPE": "Prescott",
+            "NPY_PROMOTION_STATE": "legacy",
+            "NPY_DISABLE_CPU_FEATURES": "AVX2",
+        },
         {"ZARR_CONFIG": "broken", "DASK_CONFIG": "broken", "ZARR_THREADING__MAX_WORKERS": "many"},
     ],
     ids=lambda variables: next(iter(variables)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import pytest
 from matplotlib.mathtext import MathTextParser
@@ -45,6 +46,20 @@ def test_notes_and_materials_of_any_text(view, text: str, tmp_path) -> None:
     assert style.literal(text) in labels
     for kind in style.FORMATS:
         assert style.save_figure(figure, tmp_path / f"a.{kind}").stat().st_size > 0
+
+
+def test_letters_that_the_font_lacks_are_no_warning(view, recwarn, tmp_path) -> None:
+    figure = draw_machine(replace(view, note="\u6f22\u5b57 \U0001f300"))
+    for kind in style.FORMATS:
+        assert style.save_figure(figure, tmp_path / f"a.{kind}").stat().st_size > 0
+    assert not recwarn.list
+
+
+def test_control_characters_leave_a_readable_file(view, tmp_path) -> None:
+    text = "a\x00b\x07\x1b[31m \x85\uffff -- c"
+    named = replace(view.machine, attributes={"material_names": [text, "titanium"]})
+    path = style.save_figure(draw_machine(replace(view, note=text, machine=named)), tmp_path / "a.svg")
+    assert ElementTree.parse(path).getroot().tag.endswith("svg")
 
 
 def test_a_long_title_is_broken_into_lines() -> None:
