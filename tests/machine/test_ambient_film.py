@@ -17,6 +17,7 @@ from pipelines.orbits.steppers import steppers
 from pipelines.orbits.time_runs.drive import Switching, make_drive
 from pipelines.orbits.time_runs.transient import trial_end
 from pipelines.stages.transients.run import driven_machine
+from tests.helpers.monodromy import full_monodromy
 from tests.machines import BEARING, case, symmetric_rotor
 
 Array = NDArray[np.float64]
@@ -127,7 +128,7 @@ def test_multipliers_of_a_cycle_at_rest_are_those_of_the_equilibrium(stepper: st
     period = period_map.period(parameters)
     radius = period_map.spectral_radius(np.tile(state, (period_map.samples, 1)), parameters)
     steps = 256 if stepper == "esdirk5" else period_map.steps_for(radius, period)
-    columns = period_map.monodromy_columns(state, parameters, period, steps, np.eye(machine.size))
+    columns = full_monodromy(period_map, state, parameters, period, steps)
     multipliers = np.linalg.eigvals(columns)
     point = linear_point(machine, parameters, 6)
     assert isinstance(point, LinearPoint)

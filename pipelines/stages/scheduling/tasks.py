@@ -54,7 +54,8 @@ def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -
         store = Path(task["store"])
         result = registry.stage_function(task["stage"])(case, store, report, should_stop)
         if task["stage"] in registry.MOTIONS and result.ok and not should_stop():
-            result = replace(result, caution=_condensation_caution(case, store))
+            cautions = (result.caution, _condensation_caution(case, store))
+            result = replace(result, caution="; ".join(filter(None, cautions)))
     except (MemoryError, OSError):
         raise
     except StoreError as error:
