@@ -35,7 +35,7 @@ from pipelines.bifurcations.detection import (
     locate,
     unstable_count,
 )
-from pipelines.bifurcations.dips import dips_inside
+from pipelines.bifurcations.dips import dips_inside, may_be_crossed
 from pipelines.bifurcations.segment import Metric, Segment, metric_of
 from pipelines.bifurcations.walking import STEP_GROWTH, adapted_length, is_start, passes_start, period_scale
 from pipelines.orbits.period_map import PhaseReference
@@ -252,7 +252,8 @@ def _segment(
         state.basis,
         reference,
     )
-    rule = StepRule(options.minimum_cosine)
+    crossed = may_be_crossed(segment, state.previous_multipliers, state.arclength - state.previous_arclength)
+    rule = StepRule(options.minimum_cosine, crossed=crossed)
     message = refusal(metric, state.tangent, chord, tangent, rule, segment.missed_at)
     return segment if message is None else _Rejected(message)
 

@@ -21,6 +21,7 @@ from pipelines.orbits.floquet import Complex
 from pipelines.orbits.system import Vector
 
 _NEAR = 0.5  # share of the nearer end below which the lowest point of the parabola is looked at
+_AHEAD = 1.5  # lengths of the step within which the line is followed: the product may bend towards zero
 _SLIGHT = 0.05  # share of the step from an end within which a dip is hardly deeper than the end
 
 
@@ -47,6 +48,20 @@ def dips_inside(segment: Segment, previous_multipliers: Complex, previous_length
         if sign * values[2] < 0.0:
             return True
     return False
+
+
+def may_be_crossed(segment: Segment, previous_multipliers: Complex, previous_length: float) -> bool:
+    """Whether another branch may cross inside a segment on which no multiplier crosses 1, so that the step may
+    have left along it: the line through the first product at the last two points comes to zero.
+    """
+    if len(previous_multipliers) == 0 or not previous_length > 0.0:
+        return False
+    autonomous = segment.problem.period_map.autonomous
+    spectra = (previous_multipliers, segment.start_multipliers, segment.end.spectrum.multipliers)
+    tests = [_products(multipliers, autonomous) for multipliers in spectra]
+    last, start, end = _on_one_scale([(signs[0], logs[0]) for signs, logs in tests])
+    reached = start + _AHEAD * (start - last) * segment.length / previous_length
+    return bool(start * end > 0.0 and start * reached <= 0.0)
 
 
 def _lowest(values: Vector, before: float, length: float) -> float | None:
