@@ -23,6 +23,7 @@ from pipelines.bifurcations.curve import (
     CurveStart,
     CurveState,
     CurveStop,
+    SpecialKind,
 )
 from pipelines.bifurcations.curve_corrector import correct_critical
 from pipelines.bifurcations.curve_segment import CurveEnd, curve_end
@@ -85,6 +86,8 @@ def open_curve(
         index=0,
         step=options.step,
         arclength=0.0,
+        previous_tests=np.full(len(SpecialKind), math.nan),
+        previous_arclength=0.0,
         bend_state=np.zeros_like(at.state),
         bend_period=0.0,
         bend_parameters=np.zeros(2),

@@ -38,7 +38,7 @@ def dips_inside(segment: Segment, previous_multipliers: Complex, previous_length
     tests = [_products(multipliers, autonomous) for multipliers in spectra]
     for which in range(len(tests[0][0])):
         values = _on_one_scale([(signs[which], logs[which]) for signs, logs in tests])
-        fraction = _lowest(values, previous_length, segment.length)
+        fraction = lowest_inside(values, previous_length, segment.length)
         if fraction is None:
             continue
         cycle = segment.correct_at(fraction).cycle
@@ -51,7 +51,7 @@ def dips_inside(segment: Segment, previous_multipliers: Complex, previous_length
 
 
 def may_be_crossed(segment: Segment, previous_multipliers: Complex, previous_length: float) -> bool:
-    """Whether another branch may cross inside a segment on which no multiplier crosses 1, so that the step may
+    """Whether another branch may cross inside a segment on which no multiplier crosses 1, so that a step may
     have left along it: the line through the first product at the last two points comes to zero.
     """
     if len(previous_multipliers) == 0 or not previous_length > 0.0:
@@ -64,21 +64,22 @@ def may_be_crossed(segment: Segment, previous_multipliers: Complex, previous_len
     return bool(start * end > 0.0 and start * reached <= 0.0)
 
 
-def _lowest(values: Vector, before: float, length: float) -> float | None:
+def lowest_inside(values: Vector, before: float, length: float) -> float | None:
     """The fraction of a step where the parabola through three values, at -before, 0 and length, comes nearest
-    to zero, if that is inside the step and near.
+    to zero, if that is inside the step and near.  An end may be zero, but not on the other side.
     """
     last, start, end = (float(value) for value in values)
-    if start * end <= 0.0:
+    side = math.copysign(1.0, end if end != 0.0 else start)
+    if start * side < 0.0 or start == end == 0.0:
         return None
     slope, steeper = (end - start) / length, (start - last) / before
     bend = (slope - steeper) / (length + before)
-    if bend * start <= 0.0:
+    if bend * side <= 0.0:
         return None
     place = 0.5 * (length - slope / bend)
     lowest = start + (slope - bend * length) * place + bend * place**2
     inside = _SLIGHT * length < place < (1.0 - _SLIGHT) * length
-    if not inside or lowest * start > _NEAR * start * min(start, end, key=abs):
+    if not inside or lowest * side > _NEAR * min(abs(start), abs(end)):
         return None
     return place / length
 

@@ -27,7 +27,7 @@ from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.records import ENDED
 from pipelines.stages.curve_rows import (
     CONTAINERS,
-    TRACED,
+    RESUMED,
     CurveRecorder,
     curve_sizes,
     resumed_state,
@@ -152,7 +152,7 @@ def _follow(
     begin: CurveStart | CurveState = start.guess
     own: TracedCurve | None = None
     if newest is not None:
-        rows = job.read(group, (*TRACED, "period", *names))
+        rows = job.read(group, (*RESUMED, *names))
         begin, own = resumed_state(newest, rows.arrays, names), traced(rows, names)
     else:
         job.tell(0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}")
