@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from pipelines.bifurcations.curve import SpecialKind
 from pipelines.bifurcations.curve_segment import Bracket, CurveSegment, NotConvergedError, SegmentPoints
-from pipelines.bifurcations.dips import lowest_inside
+from pipelines.bifurcations.dips import lowest_beyond, lowest_inside
 from pipelines.bifurcations.normal_forms import NormalFormOptions
 from pipelines.bifurcations.walking import hermite_weights
 
@@ -46,20 +46,10 @@ def dip_through(
                 into = Bracket(special, (0.0, lowest), (start, value))
                 out = Bracket(special, (lowest, 1.0), (value, end))
                 return (out,) if start == 0.0 else (into, out)
-            lowest = _lowest_beyond((0.0, lowest, 1.0), (start, value, end), side)
+            lowest = lowest_beyond((0.0, lowest, 1.0), (start, value, end), side)
     except NotConvergedError:
         pass
     return ()
-
-
-def _lowest_beyond(places: tuple[float, ...], values: tuple[float, ...], side: float) -> float | None:
-    """Where the parabola through three values is farthest beyond zero; None where it is not."""
-    bend, slope, level = np.polyfit(places, values, 2)
-    if not bend * side > 0.0:
-        return None
-    place = float(-0.5 * slope / bend)
-    beyond = (level + 0.5 * slope * place) * side < 0.0
-    return place if beyond and 0.0 < place < 1.0 else None
 
 
 def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, float]) -> Bracket | None:

@@ -21,6 +21,7 @@ from pipelines.orbits.floquet import Complex
 from pipelines.orbits.system import Vector
 
 _NEAR = 0.5  # share of the nearer end below which the lowest point of the parabola is looked at
+_ZERO = 1e-9  # share of the largest of three values below which one is zero but for rounding
 _AHEAD = 1.5  # lengths of the step within which the line is followed: the product may bend towards zero
 _SLIGHT = 0.05  # share of the step from an end within which a dip is hardly deeper than the end
 
@@ -29,23 +30,33 @@ def dips_inside(segment: Segment, previous_multipliers: Complex, previous_length
     """Whether a test function changes its sign twice on a segment whose ends have the same sign.
 
     ``previous_multipliers``: at the point before the start of the segment, ``previous_length`` away; without
-    any (empty) nothing is known.
+    any (empty) the middle of the segment tells.
     """
-    if len(previous_multipliers) == 0 or not previous_length > 0.0:
-        return False
     autonomous = segment.problem.period_map.autonomous
+    first = len(previous_multipliers) == 0 or not previous_length > 0.0
+    if first:
+        middle = segment.correct_at(0.5).cycle
+        if middle is None:
+            return False
+        previous_multipliers = middle.spectrum.multipliers
     spectra = (previous_multipliers, segment.start_multipliers, segment.end.spectrum.multipliers)
     tests = [_products(multipliers, autonomous) for multipliers in spectra]
     for which in range(len(tests[0][0])):
         values = _on_one_scale([(signs[which], logs[which]) for signs, logs in tests])
-        fraction = lowest_inside(values, previous_length, segment.length)
-        if fraction is None:
+        other, start, end = (float(value) for value in values)
+        side = end or start
+        if first:
+            if start * side >= 0.0 > other * side:
+                return True
+            fraction = lowest_beyond((0.0, 0.5, 1.0), (start, other, end), side)
+        else:
+            fraction = lowest_inside(values, previous_length, segment.length)
+        if fraction is None or start * side < 0.0:
             continue
         cycle = segment.correct_at(fraction).cycle
         if cycle is None:
             return True
-        sign = _products(cycle.spectrum.multipliers, autonomous)[0][which]
-        if sign * values[2] < 0.0:
+        if _products(cycle.spectrum.multipliers, autonomous)[0][which] * side < 0.0:
             return True
     return False
 
@@ -84,11 +95,22 @@ def lowest_inside(values: Vector, before: float, length: float) -> float | None:
     return place / length
 
 
+def lowest_beyond(places: tuple[float, ...], values: tuple[float, ...], side: float) -> float | None:
+    """Where the parabola through three values is farthest beyond zero; None where it is not."""
+    bend, slope, level = np.polyfit(places, values, 2)
+    if not bend * side > 0.0:
+        return None
+    place = float(-0.5 * slope / bend)
+    beyond = (level + 0.5 * slope * place) * side < 0.0
+    return place if beyond and 0.0 < place < 1.0 else None
+
+
 def _on_one_scale(pairs: list[tuple[float, float]]) -> Vector:
     largest = max(log for _, log in pairs)
     if not math.isfinite(largest):
         return np.zeros(len(pairs))
-    return np.array([sign * math.exp(log - largest) for sign, log in pairs])
+    values = np.array([sign * math.exp(log - largest) for sign, log in pairs])
+    return np.where(np.abs(values) < _ZERO, 0.0, values)
 
 
 def _products(multipliers: Complex, autonomous: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
