@@ -8,6 +8,9 @@ which is small where the tangents differ little.  A step that ends on another cu
 its own, has a defect of about d/h on the left; one that leaves along another curve, at an angle, up to half
 of that angle.  In doubt the cubic through both ends is tried at one and at two thirds:
 a smooth curve misses it by about h^4 u''''/384, far less than the defect.
+
+Where a curve with a corner, from one branch to another that crosses it, is nearly straight, a step of some
+length has no defect at all; where a branch point may lie inside the step, the cubic is tried in any case.
 """
 
 from __future__ import annotations
@@ -31,13 +34,15 @@ class StepRule:
     ``minimum_cosine``: between the tangents at its ends, None where a corner is accepted; ``missed``: share
     of the defect by which the cubic may miss the curve inside the step (at a corner at least 0.06, where the
     curvature jumps up to 0.17, on a smooth curve below 0.04); ``doubtful_defect``: above it the inside is
-    looked at; ``largest_defect``: above it the step is refused.
+    looked at; ``largest_defect``: above it the step is refused; ``crossed``: another curve may cross inside
+    the step, so that the inside is looked at in any case.
     """
 
     minimum_cosine: float | None
     missed: float = 0.05
     doubtful_defect: float = _DOUBTFUL_DEFECT
     largest_defect: float = _LARGEST_DEFECT
+    crossed: bool = False
 
 
 def refusal(
@@ -61,7 +66,9 @@ def refusal(
     defect = metric.norm(mean.plus(chord, -1.0 / length))
     if defect > rule.largest_defect:
         return LEAVES
-    if defect <= rule.doubtful_defect:
+    if rule.crossed:
+        defect = max(defect, metric.norm(end_tangent.plus(start_tangent, -1.0)))
+    elif defect <= rule.doubtful_defect:
         return None
     for place in _PLACES:
         missed = missed_at(place)

@@ -35,7 +35,7 @@ from pipelines.bifurcations.continuation import (
     leaves_ranges,
     period_scale,
 )
-from pipelines.bifurcations.cycles.double_crossings import dips_inside
+from pipelines.bifurcations.cycles.double_crossings import dips_inside, may_be_crossed
 from pipelines.bifurcations.cycles.segment import BranchMetric, Segment, metric_of
 from pipelines.bifurcations.detection import (
     DetectionOptions,
@@ -241,7 +241,9 @@ class _Branch(Tracer[BranchState, _Step]):
             state.basis,
             reference,
         )
-        rule = StepRule(self.options.minimum_cosine)
+        before = state.arclength - state.previous_arclength
+        crossed = may_be_crossed(segment, state.previous_multipliers, before)
+        rule = StepRule(self.options.minimum_cosine, crossed=crossed)
         message = refusal(metric, state.tangent, chord, tangent, rule, segment.missed_at)
         return segment if message is None else Rejected(message)
 

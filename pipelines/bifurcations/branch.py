@@ -44,7 +44,7 @@ class ContinuationOptions:
     ValueError for values out of order.
 
     ``maximum_step`` must be below the width of the narrowest tongue that matters: a multiplier that leaves
-    the unit circle and returns within one step leaves no trace in the spectra at the ends of the step.
+    the unit circle and returns within one step is found only where the last three spectra let it be expected.
     """
 
     range: tuple[float, float]

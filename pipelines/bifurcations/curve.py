@@ -109,9 +109,9 @@ class CurveState(ResumableState):
     the test function) and the ``bend_*`` (change of the tangent per arclength in the last step, zero at
     first) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``,
     ``left_phase``, ``kappa``: the frame of the test function; ``kappa_slope``: d kappa/d arclength;
-    ``tests`` (11,): values of the special test functions in the order of ``SpecialKind``; ``step`` is the
-    next arclength step; ``steps`` are per period and leave ``step_error`` in the multipliers; ``start_*``:
-    the first point.
+    ``tests`` (11,): values of the special test functions in the order of ``SpecialKind``; ``previous_*`` is
+    the point before, NaN at the first one; ``step`` is the next arclength step; ``steps`` are per period and
+    leave ``step_error`` in the multipliers; ``start_*``: the first point.
     """
 
     index: int
@@ -137,6 +137,8 @@ class CurveState(ResumableState):
     kappa: float
     kappa_slope: float
     tests: Vector
+    previous_tests: Vector
+    previous_arclength: float
     step: float
     arclength: float
     steps: int

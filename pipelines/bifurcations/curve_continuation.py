@@ -40,6 +40,7 @@ from pipelines.bifurcations.curve import (
     SpecialPoint,
 )
 from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end, settled
+from pipelines.bifurcations.curves.double_passages import dip_beyond, dip_through
 from pipelines.bifurcations.curves.first_point import columns_of, demand_of, metric_from, open_curve
 from pipelines.bifurcations.curves.segment import (
     Bracket,
@@ -47,11 +48,11 @@ from pipelines.bifurcations.curves.segment import (
     CurveSegment,
     SegmentPoints,
     curve_end,
-    dip_beyond,
     locate_special,
 )
 from pipelines.bifurcations.curves.stored_curves import TracedCurve
 from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import (
     CurveProblem,
     PlaneMetric,
@@ -59,6 +60,7 @@ from pipelines.bifurcations.plane import (
 )
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import reference_of
+from pipelines.orbits.system import Vector
 from pipelines.orbits.time_steps import following_steps
 
 # The error that time steps leave is noisy beside kinks: a point is corrected again only where it is clearly
@@ -178,6 +180,8 @@ class _Curve(Tracer[CurveState, _Step]):
             index=state.index + 1,
             step=length,
             arclength=state.arclength + step.length,
+            previous_tests=state.tests,
+            previous_arclength=state.arclength,
             **columns_of(self.problem, step.end),
         )
         self._own = own.with_point(new)
@@ -336,7 +340,7 @@ def _with_specials(
     unlocated: list[SpecialKind] = []
     end, limit = segment.end, 1.0
     points = SegmentPoints(segment)
-    for bracket in _brackets(points, state):
+    for bracket in _brackets(points, state, options):
         special = bracket.special
         located = locate_special(points, bracket, options.event_tolerance, options.normal_form)
         if located is None:
@@ -354,7 +358,7 @@ def _with_specials(
     return _Step(end, segment.metric.norm(end.position.minus(segment.start)), kept)
 
 
-def _brackets(points: SegmentPoints, state: CurveState) -> list[Bracket]:
+def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -> list[Bracket]:
     """Where the special points of a segment lie.
 
     A curve that starts on one may find it again with other time steps, on either side of its first point: the
@@ -367,17 +371,36 @@ def _brackets(points: SegmentPoints, state: CurveState) -> list[Bracket]:
         before = np.where(np.abs(before) < nothing, 0.0, before)
     if _returned(state, segment.end.position, segment.metric):
         after = np.where(np.abs(after) < nothing, 0.0, after)
-    brackets = [
+    twice = _passed_twice(points, state, before, after, options.normal_form)
+    seen = {bracket.special for bracket in twice}
+    once = [
         Bracket(special, (0.0, 1.0), (float(before[special - 1]), float(after[special - 1])))
         for special in crossed(before, after)
+        if special not in seen
     ]
-    if segment.problem.kind is EventKind.NEIMARK_SACKER:
-        # kappa may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
-        dips = (
-            dip_beyond(points, special, (state.kappa, state.kappa_slope))
-            for special in (SpecialKind.R1, SpecialKind.R2)
-        )
-        brackets += [dip for dip in dips if dip is not None]
+    if segment.problem.kind is not EventKind.NEIMARK_SACKER:
+        return twice + once
+    # kappa may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
+    dips = (
+        dip_beyond(points, special, (state.kappa, state.kappa_slope))
+        for special in (SpecialKind.R1, SpecialKind.R2)
+    )
+    return twice + once + [dip for dip in dips if dip is not None]
+
+
+def _passed_twice(
+    points: SegmentPoints, state: CurveState, before: Vector, after: Vector, form: NormalFormOptions | None
+) -> list[Bracket]:
+    """The brackets of special points passed twice, but for the ends of a Neimark-Sacker curve."""
+    if state.index == 0:
+        return []
+    length = state.arclength - state.previous_arclength
+    brackets: list[Bracket] = []
+    for special, *values in zip(SpecialKind, state.previous_tests, before, after, strict=True):
+        is_end = special in (SpecialKind.R1, SpecialKind.R2)
+        if not (is_end and points.segment.problem.kind is EventKind.NEIMARK_SACKER):
+            last, start, end = map(float, values)
+            brackets += dip_through(points, special, (last, start, end), length, form)
     return brackets
 
 

@@ -20,6 +20,7 @@ from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
 from pipelines.orbits.vectors import Metric
 from tests.bifurcations.curve_runs import FLIP, NS, trace
+from tests.bifurcations.explicit_maps import CLOCK, explicit_map
 from tests.systems import tondl
 
 PLANE = ((-0.1, 0.25), (0.4, 4.6))
@@ -119,3 +120,30 @@ def test_a_doubled_branch_passes_its_own_period_doublings(
     there, back = (float(doublings[index].parameters[0]) for index in (1 - which, which))
     expected = [0.2799662, there, 0.2799662, back]
     assert np.allclose([event.parameters[0] for event in events], expected, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("first", [-0.05, -0.0504, -0.0508, -0.0512, -0.0516, -0.052])
+@pytest.mark.parametrize("longest", [0.2, 0.1])
+def test_a_step_does_not_leave_along_a_branch_that_crosses(longest: float, first: float) -> None:
+    """x -> x + (l x + x^3)/2: in this scale a step from x^2 = -l to x = 0, l > 0 is nearly straight, and both
+    have one multiplier above 1.  The branch goes through x = 0 to the mirror image of its start.
+    """
+    explicit = explicit_map(
+        2, ("l",), lambda s, p: (s[0] + 0.5 * (p[0] * s[0] + s[0] ** 3), 0.3 * s[1] + 0.5 * s[0])
+    )
+    problem = CycleProblem(explicit, np.array([first, CLOCK]), "l", ShootingOptions(1e-12))
+    x = math.sqrt(-first)
+    points: list[BranchPoint] = []
+    events: list[Event] = []
+
+    def record(point, state, found):  # type: ignore[no-untyped-def]
+        points.append(point)
+        events.extend(found)
+
+    options = ContinuationOptions((-0.06, 0.05), maximum_step=longest, parameter_scale=0.01)
+    begin = BranchStart(np.array([x, x / 1.4]), first)
+    assert continue_branch(problem, begin, options, record).stop is BranchStop.RANGE
+    assert [event.kind for event in events] == [EventKind.BRANCH_POINT]
+    assert abs(events[0].parameters[0]) < 1e-8
+    assert points[-1].cycle.unknowns.state[0] == pytest.approx(-math.sqrt(0.06), abs=1e-8)
+    assert not any(point.unexplained for point in points)

@@ -16,6 +16,7 @@ from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
 from tests.bifurcations.autonomous_flows import crossing_cycles, forced_pitchfork, lorenz, roessler
+from tests.bifurcations.explicit_maps import CLOCK, explicit_map
 
 SHIFT = 0.4
 
@@ -175,3 +176,22 @@ def test_what_cannot_be_switched(pitchfork: tuple[CycleProblem, Event]) -> None:
         crossing_branch(problem, replace(event, direction=None), 0.1)
     hasty = replace(problem, options=replace(problem.options, iterations=1))
     assert crossing_branch(hasty, event, 0.5) is None
+
+
+@pytest.mark.parametrize("width", [0.1, 0.03, 0.01])
+@pytest.mark.parametrize("scale", [0.1, 1.0])
+def test_where_a_small_branch_was_born(width: float, scale: float) -> None:
+    """x^2 + l^2 = width^2 closes round two pitchforks of x = 0, of multiplier 1 + width^2 - l^2."""
+    bubble = explicit_map(
+        2, ("l",), lambda s, p: ((1.0 + width**2 - p[0] ** 2) * s[0] - s[0] ** 3, 0.3 * s[1] + 0.5 * s[0])
+    )
+    problem = CycleProblem(bubble, np.array([0.0, CLOCK]), "l", ShootingOptions(1e-12))
+    begin = BranchStart(np.array([0.6, 0.43]) * width, -0.8 * width)
+    events: list[Event] = []
+    options = ContinuationOptions((-0.5, 0.5), step=0.01, parameter_scale=scale)
+    result = continue_branch(problem, begin, options, lambda point, state, found: events.extend(found))
+    assert result.stop is BranchStop.CLOSED
+    assert [event.kind for event in events] == [EventKind.BRANCH_POINT] * 2
+    # to 1e-8 in the multiplier, whose slope is 2 width
+    places = sorted(event.parameters[0] for event in events)
+    assert places == pytest.approx([-width, width], rel=0, abs=0.5e-8 / width)

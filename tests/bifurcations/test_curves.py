@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -335,3 +336,65 @@ def test_two_curves_that_cross_at_a_small_angle_are_told_apart() -> None:
     again = trace(problem, start([0.0, 0.0], (-0.23, -0.023)), options, traced=known)
     assert again.result.stop is CurveStop.TRACED
     assert len(again.points) == 1
+
+
+def passed_twice(special: SpecialKind) -> tuple[CurveProblem, Any, tuple[tuple[float, float], ...]]:
+    """A curve on which the test of a special point is e^2 - 1e-4 or its negative, from e = 0.43 to -0.5.
+
+    Its parameter is e, of the cusps -4 e^3 + 12e-4 e along x + m + n x - 6e-4 x^2 + x^4 with x = e.
+    """
+    shallow, e = 1e-4, 0.43
+    double, generalised = SpecialKind.FLIP_NEIMARK_SACKER, SpecialKind.GENERALISED_FLIP
+    if special is SpecialKind.CUSP:
+        function = lambda s, p: (  # noqa: E731
+            s[0] + p[0] + p[1] * s[0] - 6.0 * shallow * s[0] ** 2 + s[0] ** 4,
+            0.2 * s[1] + s[0],
+        )
+        n = 12.0 * shallow * e - 4.0 * e**3
+        m = -n * e + 6.0 * shallow * e**2 - e**4
+        curves = map_problem(explicit_map(2, ("m", "n"), function), FOLD, (m, n), ("m", "n"))
+        return curves, start([e, 1.25 * e], (m, n)), ((-1.0, 1.0), (-1.0, 1.0))
+    if special is generalised:
+        function = lambda s, p: (  # noqa: E731
+            -(1.0 + p[1]) * s[0] + (p[0] ** 2 - shallow) * s[0] ** 3,
+            0.4 * s[1] + s[0] ** 2,
+        )
+        curves = map_problem(explicit_map(2, ("e", "m"), function), FLIP, (e, 0.0), ("e", "m"))
+        return curves, start([0.0, 0.0], (e, 0.0)), ((-0.5, 0.5), (-0.5, 0.5))
+    at = {SpecialKind.R2: -1.0, SpecialKind.R3: -0.5}.get(special)
+
+    def rotation(s, p):  # type: ignore[no-untyped-def]
+        dip = p[0] ** 2 - shallow
+        kappa = 0.3 if at is None else at + dip
+        third = {double: -1.0 + dip, SpecialKind.FOLD_NEIMARK_SACKER: 1.0 - dip}.get(special, 0.2)
+        return 2.0 * kappa * s[0] - p[1] * s[1], s[0], third * s[2]
+
+    curves = map_problem(explicit_map(3, ("e", "r"), rotation), NS, (e, 1.0), ("e", "r"))
+    angle = math.acos(0.3 if at is None else at + e**2 - shallow)
+    return curves, start([0.0] * 3, (e, 1.0), angle), ((-0.5, 0.5), (0.5, 1.5))
+
+
+@pytest.mark.parametrize(
+    "special",
+    [
+        SpecialKind.R2,
+        SpecialKind.R3,
+        SpecialKind.FOLD_NEIMARK_SACKER,
+        SpecialKind.FLIP_NEIMARK_SACKER,
+        SpecialKind.GENERALISED_FLIP,
+        SpecialKind.CUSP,
+    ],
+)
+@pytest.mark.parametrize("longest", [0.2, 0.1, 0.05, 0.025])
+def test_special_points_passed_twice_within_a_step(special: SpecialKind, longest: float) -> None:
+    """With 0.1 a step ends just on the second one.  A Neimark-Sacker curve ends at the first R2."""
+    curves, begin, ranges = passed_twice(special)
+    run = trace(curves, begin, CurveOptions(ranges, direction=-1, maximum_step=longest))
+    assert [found.kind for found in run.specials] == [special] * (1 if special is SpecialKind.R2 else 2)
+    wanted = np.array([0.01, -0.01])
+    if special is SpecialKind.CUSP:
+        places = [found.state[0] for found in run.specials]
+    else:
+        places = [found.parameters[0] for found in run.specials]
+    assert np.allclose(places, wanted[: len(places)], rtol=0, atol=1e-7)
+    assert not any(point.unlocated for point in run.points)

@@ -28,6 +28,7 @@ from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
 from pipelines.orbits.system import DynamicalSystem, ode_system
+from tests.bifurcations.explicit_maps import CLOCK, explicit_map
 from tests.systems import duffing
 
 
@@ -341,3 +342,24 @@ def test_branch_point_without_turning_parameter() -> None:
     assert events[0].parameters[1] == pytest.approx(0.0, abs=1e-10)
     assert (points[0].unstable, points[-1].unstable) == (0, 1)
     assert events[0].transversality == pytest.approx(2.0 * math.pi, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", [EventKind.PERIOD_DOUBLING, EventKind.BRANCH_POINT])
+@pytest.mark.parametrize("width", [0.1, 0.01])
+@pytest.mark.parametrize("longest", [0.2, 0.1, 0.05, 0.025])
+@pytest.mark.parametrize("scale", [1.0, 100.0])
+def test_a_bubble_within_one_step(kind: EventKind, width: float, longest: float, scale: float) -> None:
+    """A multiplier beyond 1 or -1 for abs(l) < width, on the first step of the branch too; with steps of 0.1
+    one of them ends just where it returns.
+    """
+    sign = 1.0 if kind is EventKind.BRANCH_POINT else -1.0
+    bubble = explicit_map(
+        2, ("l",), lambda s, p: (sign * (1.0 + width**2 - p[0] ** 2) * s[0] - sign * s[0] ** 3, 0.3 * s[1])
+    )
+    problem = CycleProblem(bubble, np.array([-0.43, CLOCK]), "l")
+    events: list[Event] = []
+    options = ContinuationOptions((-0.43, 0.5), maximum_step=longest, parameter_scale=scale)
+    begin = BranchStart(np.zeros(2), -0.43)
+    continue_branch(problem, begin, options, lambda point, state, found: events.extend(found))
+    assert [event.kind for event in events] == [kind, kind]
+    assert np.allclose([event.parameters[0] for event in events], [-width, width], rtol=0, atol=1e-8)

@@ -10,13 +10,21 @@ import pytest
 
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchResult, BranchStart, ContinuationOptions
-from pipelines.bifurcations.curve import CurveStop
+from pipelines.bifurcations.curve import CurveOptions, CurveStop
 from pipelines.bifurcations.detection import Event, EventKind
+from pipelines.bifurcations.switching import curve_from_event
+from pipelines.case.reading import read_cases
+from pipelines.machine import film
+from pipelines.machine.assembly import build_machine
 from pipelines.orbits.compiled import compiled_system
+from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
 from pipelines.orbits.system import DynamicalSystem
+from pipelines.stages.cycles.problem import cycle_problem
+from tests.bifurcations.curve_runs import trace as trace_curve
+from tests.validation.test_bearing_cycles import COARSE, SMOKE, equilibrium_of
 from tests.validation.test_tondl_curves import POINTS, problem, start_at, trace
 
 PLANE = ((-0.1, 0.25), (0.4, 4.6))
@@ -158,3 +166,41 @@ def test_tondl_curves(kind: str, eta: float) -> None:
     for other_stop, other_kinds, other_places in seen[1:]:
         assert (other_stop, other_kinds) == (stop, kinds)
         assert np.allclose(other_places, places, rtol=0, atol=1e-6)
+
+
+# --- The smoke machine -------------------------------------------------------------------------------------
+
+
+def test_smoke_machine() -> None:
+    """A branch over the speed through its Neimark-Sacker point, and the curve of these to both sides.  The
+    number of time steps is fixed: what they leave would be different where it is chosen on the way.
+    """
+    (named,) = read_cases(SMOKE, "smoke.toml", [*COARSE, "numerics.steps_per_period=64"])
+    machine = build_machine(named.case)
+    cycles = cycle_problem(machine, named.case)
+    low, high = 1.16, 1.23
+    state = equilibrium_of(machine, at_speed(cycles.parameters, low))
+    lengths = (0.2, 0.1, 0.05, 0.025)
+    found = []
+    for longest in lengths:
+        result, points, events = walked(cycles, BranchStart(state, low), (low, high), 1.0, longest)
+        assert result.stop.name == "RANGE"
+        assert not any(point.unexplained or point.unlocated for point in points)
+        assert [event.kind for event in events] == [EventKind.NEIMARK_SACKER]
+        end = points[-1].cycle
+        found.append([events[0].parameters[film.SPEED], events[0].angle, *end.unknowns.state])
+    assert np.allclose(found[1:], found[0], rtol=0, atol=1e-8)
+    ends = []
+    for longest in lengths[:3]:
+        curves, begin = curve_from_event(cycles, events[0], ("excitation_frequency", "speed"))
+        for direction in (1, -1):
+            ranges = ((0.68, 0.72), (1.17, 1.25))
+            options = CurveOptions(ranges, direction, maximum_step=longest, normal_form=None)
+            run = trace_curve(curves, begin, options)
+            last = run.points[-1]
+            ends.append((run.result.stop, [special.kind for special in run.specials], last))
+    for way, (stop, kinds, last) in enumerate(ends):
+        first = ends[way % 2]
+        assert (stop, kinds) == first[:2] == (CurveStop.RANGE, [])
+        assert np.allclose(last.parameters, first[2].parameters, rtol=0, atol=1e-8)
+        assert last.angle == pytest.approx(first[2].angle, abs=1e-8)

@@ -26,6 +26,7 @@ from pipelines.bifurcations.curve import (
     CurvePoint,
     CurveStart,
     CurveState,
+    SpecialKind,
 )
 from pipelines.bifurcations.curves.codimension_two import resonant_end
 from pipelines.bifurcations.curves.segment import CurveEnd, curve_end
@@ -83,6 +84,8 @@ def open_curve(
         index=0,
         step=options.step,
         arclength=0.0,
+        previous_tests=np.full(len(SpecialKind), math.nan),
+        previous_arclength=0.0,
         bend_state=np.zeros_like(at.state),
         bend_period=0.0,
         bend_parameters=np.zeros(2),

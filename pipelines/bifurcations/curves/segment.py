@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from pipelines.bifurcations.continuation import CubicPiece, hermite_weights
+from pipelines.bifurcations.continuation import CubicPiece
 from pipelines.bifurcations.critical.bordering import following_frame
 from pipelines.bifurcations.critical.correction import Closing, CriticalCycle, CurveCorrection
 from pipelines.bifurcations.critical.corrector import correct_critical, settled
@@ -37,7 +37,6 @@ from pipelines.orbits.system import Matrix, Vector
 _RECORDED = 1e-7  # residual asked of the multipliers of an ordinary point
 _RECORDED_LEFT, _SHARP_LEFT = 1e-6, 1e-10  # last term of the series for left vectors, likewise
 _END_WIDTH = 1e-10  # of arclength: kappa changes by far less than what counts as its end
-_DIP = 0.5  # share of the nearer end below which a minimum of 1 -+ kappa inside a segment is looked at
 
 
 @dataclass(frozen=True)
@@ -182,8 +181,8 @@ def _point(correction: CurveCorrection, found: CriticalCycle, form: NormalForm |
     )
 
 
-class _NotConvergedError(Exception):
-    """A point inside the bracket did not converge."""
+class NotConvergedError(Exception):
+    """A point inside a segment did not converge."""
 
 
 @dataclass(frozen=True)
@@ -275,9 +274,19 @@ class SegmentPoints:
             closing, chord = self.segment.closing_at(fraction, anchor), self.segment.chord
             end = curve_end(correction, point, closing, chord, options, anchor.frame, precise)
             if end is None:
-                raise _NotConvergedError
+                raise NotConvergedError
             self._ends[key] = end
         return self._ends[key]
+
+    def test(self, special: SpecialKind, fraction: float, options: NormalFormOptions | None) -> float:
+        """The test of a special point at a fraction; raises when it does not converge or is not defined."""
+        if _from_pair(self, special):
+            value = resonance_tests(self.critical(fraction).kappa)[special]
+        else:
+            value = float(self.end(fraction, _form_for(special, options), True).tests[special - 1])
+        if not np.isfinite(value):
+            raise NotConvergedError
+        return value
 
     def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
         if fraction not in self._corrected:
@@ -285,11 +294,21 @@ class SegmentPoints:
             correction = self.segment.correct_at(fraction, anchor)
             point = correction.point
             if point is None:
-                raise _NotConvergedError
+                raise NotConvergedError
             self._corrected[fraction] = correction, point, anchor
             frame = following_frame(point.basis, point.critical)
             self._anchors.append(Anchor(fraction, point.position, point.basis, frame, point.gradient))
         return self._corrected[fraction]
+
+
+def _from_pair(points: SegmentPoints, special: SpecialKind) -> bool:
+    """Whether the test is that of kappa, from the critical pair itself: sharp on every corrected point."""
+    return points.segment.problem.kind is EventKind.NEIMARK_SACKER and special <= SpecialKind.R4
+
+
+def _form_for(special: SpecialKind, options: NormalFormOptions | None) -> NormalFormOptions | None:
+    """The differences that the test of a special point needs."""
+    return options if special in (SpecialKind.GENERALISED_FLIP, SpecialKind.CHENCINER) else None
 
 
 @dataclass(frozen=True)
@@ -316,19 +335,11 @@ def locate_special(
     is a corrected point, so that the root is as sharp as the corrector.
     """
     segment, special = points.segment, bracket.special
-    # kappa comes from the critical pair itself, which is sharp on every corrected point
-    from_pair = segment.problem.kind is EventKind.NEIMARK_SACKER and special <= SpecialKind.R4
-    with_form = options if special in (SpecialKind.GENERALISED_FLIP, SpecialKind.CHENCINER) else None
+    from_pair, with_form = _from_pair(points, special), _form_for(special, options)
     known = dict(zip(bracket.fractions, bracket.tests, strict=True))
 
     def test(fraction: float) -> float:
-        value = known.get(fraction)
-        if value is None and from_pair:
-            value = resonance_tests(points.critical(fraction).kappa)[special]
-        elif value is None:
-            value = float(points.end(fraction, with_form, True).tests[special - 1])
-        if not np.isfinite(value):
-            raise _NotConvergedError
+        value = known[fraction] if fraction in known else points.test(special, fraction, options)
         if bracket.touching:
             lowest = -bracket.tests[1]
             return float(np.sqrt(max(0.0, value + lowest)) - np.sqrt(lowest))
@@ -341,7 +352,7 @@ def locate_special(
         width = max(width / segment.length, 1e-14)
         fraction = float(brentq(test, *bracket.fractions, xtol=width, rtol=tolerance))
         end = segment.end if fraction == 1.0 else points.end(fraction, with_form, not from_pair)
-    except _NotConvergedError:
+    except NotConvergedError:
         return None
     scale = segment.problem.period_map.scale(end.point.cycle.image.orbit)
     if with_form is not None and _drowned(end, scale, abs(bracket.tests[1] - bracket.tests[0])):
@@ -355,52 +366,6 @@ def _drowned(end: CurveEnd, scale: float, change: float) -> bool:
     """
     form = end.point.normal_form
     return form is None or scale**2 * form.noise * abs(end.point.alignment) > 0.5 * change
-
-
-def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, float]) -> Bracket | None:
-    """Where kappa is beyond 1 (R1) or -1 (R2) although it is not at either end of a Neimark-Sacker segment.
-
-    ``start``: kappa and its slope at the start.  The cubic through both ends tells whether it is worth
-    looking; then the zero of the slope is found.  None when kappa turns back before, when a point fails, and
-    when kappa is no farther beyond than the corrector and the time steps leave it wrong: with an error e of
-    the multipliers
-
-        mu_1 - mu_2 = 2 sqrt(kappa^2 - 1) > e      or nearly      |kappa| - 1 > e^2/8
-    """
-    segment, sign = points.segment, 1.0 if special is SpecialKind.R1 else -1.0
-    before = 1.0 - sign * start[0]
-    if not _may_dip(segment, sign, before, start[1]):
-        return None
-    known = {0.0: start[1], 1.0: segment.end.kappa_slope}
-
-    def slope(fraction: float) -> float:
-        value = known[fraction] if fraction in known else points.end(fraction, None, False).kappa_slope
-        if not np.isfinite(value):
-            raise _NotConvergedError
-        return value
-
-    try:
-        lowest = float(brentq(slope, 0.0, 1.0, xtol=1e-6))
-        beyond = sign * points.critical(lowest).kappa - 1.0
-    except _NotConvergedError:
-        return None
-    options = segment.problem.options
-    error = float(np.fmax(options.step_tolerance, segment.end.point.step_error))
-    if beyond <= max(error**2 / 8.0, options.multiplier_tolerance):
-        return None
-    return Bracket(special, (0.0, lowest), (before, -beyond), touching=True)
-
-
-def _may_dip(segment: CurveSegment, sign: float, before: float, start_slope: float) -> bool:
-    """Whether the cubic of 1 -+ kappa through both ends of a segment comes down far enough between them."""
-    end = segment.end
-    after = 1.0 - sign * end.point.kappa
-    falling, rising = -sign * start_slope, -sign * end.kappa_slope
-    if not (before > 0.0 and after > 0.0 and falling < 0.0 < rising):
-        return False
-    weights = [hermite_weights(fraction, segment.length) for fraction in np.linspace(0.0, 1.0, 101)]
-    lowest = np.min(np.array(weights) @ [before, falling, after, rising])
-    return bool(lowest <= _DIP * min(before, after))
 
 
 def _special_point(

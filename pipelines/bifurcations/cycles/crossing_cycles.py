@@ -27,7 +27,9 @@ from pipelines.orbits.system import Vector
 
 _FIRST_MOVE = 1e-3  # of the secant method, in lengths of the segment
 _ITERATIONS = 30
-_POINTS, _APART = 5, 1e-3  # of the interpolation, and how far their multipliers are apart
+_POINTS, _APARTS = 5, (1e-3, 1e-4, 1e-5)  # of the interpolation, and how far their multipliers are apart
+_SHARP = 1e-9  # distance of the multiplier from its critical value that is enough
+_LOCATED = 1e-4  # and one beyond which the cycle is not the critical one
 
 
 def halved_map(period_map: PeriodMap) -> PeriodMap | None:
@@ -91,14 +93,14 @@ def _crossing_cycle(segment: Segment, problem: CycleProblem, parts: int, critica
             xtol=_FIRST_MOVE * abs(move),
             maxiter=_ITERATIONS,
         )
-        slope = cycles.test(root.root + move) / move
-        apart = math.copysign(_APART / abs(slope), move) if slope else move
-        cycle = cycles.interpolated(root.root + apart * np.arange(1.0, _POINTS + 1.0))
     except _NotFoundError:
+        return None
+    cycle = cycles.critical(root.root, move) if root.converged else None
+    if cycle is None:
         return None
     at = cycle.unknowns
     away = segment.metric.norm(Unknowns(at.state, parts * at.period, at.parameter).minus(turn))
-    return cycle if root.converged and away <= segment.length else None
+    return cycle if away <= segment.length else None
 
 
 class _NotFoundError(Exception):
@@ -125,6 +127,25 @@ class _CrossingCycles:
             raise _NotFoundError
         self._guess, self._basis = cycle.unknowns, cycle.basis
         return cycle
+
+    def critical(self, near: float, move: float) -> Cycle | None:
+        """The cycle where the test vanishes, ``near`` a parameter, from those on the side of ``move``.
+
+        Those farther away are less disturbed by the other branch, but what is nearer is more nearly a line.
+        """
+        found: list[tuple[float, Cycle]] = []
+        try:
+            slope = self.test(near + move) / move
+            for distance in _APARTS if slope else ():
+                apart = math.copysign(distance / abs(slope), move)
+                cycle = self.interpolated(near + apart * np.arange(1.0, _POINTS + 1.0))
+                found.append((abs(self.test(cycle.unknowns.parameter)), cycle))
+                if found[-1][0] <= _SHARP:
+                    break
+        except _NotFoundError:
+            pass
+        error, best = min(found, key=lambda pair: pair[0], default=(math.inf, None))
+        return best if error <= _LOCATED else None
 
     def interpolated(self, parameters: Vector) -> Cycle:
         """The cycle where the test vanishes, by interpolation between some a little farther out: beside a

@@ -20,6 +20,8 @@ from pipelines.orbits.floquet import Complex, nontrivial
 from pipelines.orbits.system import Vector
 
 _NEAR = 0.5  # share of the nearer end below which the lowest point of the parabola is looked at
+_ZERO = 1e-9  # share of the largest of three values below which one is zero but for rounding
+_AHEAD = 1.5  # lengths of the step within which the line is followed: the product may bend towards zero
 _SLIGHT = 0.05  # share of the step from an end within which a dip is hardly deeper than the end
 
 
@@ -27,51 +29,87 @@ def dips_inside(segment: Segment, previous_multipliers: Complex, previous_length
     """Whether a test function changes its sign twice on a segment whose ends have the same sign.
 
     ``previous_multipliers``: at the point before the start of the segment, ``previous_length`` away; without
-    any (empty) nothing is known.
+    any (empty) the middle of the segment tells.
+    """
+    autonomous = segment.problem.period_map.autonomous
+    first = len(previous_multipliers) == 0 or not previous_length > 0.0
+    if first:
+        middle = segment.correct_at(0.5).cycle
+        if middle is None:
+            return False
+        previous_multipliers = middle.spectrum.multipliers
+    spectra = (previous_multipliers, segment.start_multipliers, segment.end.spectrum.multipliers)
+    tests = [_products(multipliers, autonomous) for multipliers in spectra]
+    for which in range(len(tests[0][0])):
+        values = _on_one_scale([(signs[which], logs[which]) for signs, logs in tests])
+        other, start, end = (float(value) for value in values)
+        side = end or start
+        if first:
+            if start * side >= 0.0 > other * side:
+                return True
+            fraction = lowest_beyond((0.0, 0.5, 1.0), (start, other, end), side)
+        else:
+            fraction = lowest_inside(values, previous_length, segment.length)
+        if fraction is None or start * side < 0.0:
+            continue
+        cycle = segment.correct_at(fraction).cycle
+        if cycle is None:
+            return True
+        if _products(cycle.spectrum.multipliers, autonomous)[0][which] * side < 0.0:
+            return True
+    return False
+
+
+def may_be_crossed(segment: Segment, previous_multipliers: Complex, previous_length: float) -> bool:
+    """Whether another branch may cross inside a segment on which no multiplier crosses 1, so that a step may
+    have left along it: the line through the first product at the last two points comes to zero.
     """
     if len(previous_multipliers) == 0 or not previous_length > 0.0:
         return False
     autonomous = segment.problem.period_map.autonomous
     spectra = (previous_multipliers, segment.start_multipliers, segment.end.spectrum.multipliers)
     tests = [_products(multipliers, autonomous) for multipliers in spectra]
-    for which in range(len(tests[0][0])):
-        values = _on_one_scale([(signs[which], logs[which]) for signs, logs in tests])
-        fraction = _lowest(values, previous_length, segment.length)
-        if fraction is None:
-            continue
-        cycle = segment.correct_at(fraction).cycle
-        if cycle is None:
-            return True
-        sign = _products(cycle.spectrum.multipliers, autonomous)[0][which]
-        if sign * values[2] < 0.0:
-            return True
-    return False
+    last, start, end = _on_one_scale([(signs[0], logs[0]) for signs, logs in tests])
+    reached = start + _AHEAD * (start - last) * segment.length / previous_length
+    return bool(start * end > 0.0 and start * reached <= 0.0)
 
 
-def _lowest(values: Vector, before: float, length: float) -> float | None:
+def lowest_inside(values: Vector, before: float, length: float) -> float | None:
     """The fraction of a step where the parabola through three values, at -before, 0 and length, comes nearest
-    to zero, if that is inside the step and near.
+    to zero, if that is inside the step and near.  An end may be zero, but not on the other side.
     """
     last, start, end = (float(value) for value in values)
-    if start * end <= 0.0:
+    side = math.copysign(1.0, end if end != 0.0 else start)
+    if start * side < 0.0 or start == end == 0.0:
         return None
     slope, steeper = (end - start) / length, (start - last) / before
     bend = (slope - steeper) / (length + before)
-    if bend * start <= 0.0:
+    if bend * side <= 0.0:
         return None
     place = 0.5 * (length - slope / bend)
     lowest = start + (slope - bend * length) * place + bend * place**2
     inside = _SLIGHT * length < place < (1.0 - _SLIGHT) * length
-    if not inside or lowest * start > _NEAR * start * min(start, end, key=abs):
+    if not inside or lowest * side > _NEAR * min(abs(start), abs(end)):
         return None
     return place / length
+
+
+def lowest_beyond(places: tuple[float, ...], values: tuple[float, ...], side: float) -> float | None:
+    """Where the parabola through three values is farthest beyond zero; None where it is not."""
+    bend, slope, level = np.polyfit(places, values, 2)
+    if not bend * side > 0.0:
+        return None
+    place = float(-0.5 * slope / bend)
+    beyond = (level + 0.5 * slope * place) * side < 0.0
+    return place if beyond and 0.0 < place < 1.0 else None
 
 
 def _on_one_scale(pairs: list[tuple[float, float]]) -> Vector:
     largest = max(log for _, log in pairs)
     if not math.isfinite(largest):
         return np.zeros(len(pairs))
-    return np.array([sign * math.exp(log - largest) for sign, log in pairs])
+    values = np.array([sign * math.exp(log - largest) for sign, log in pairs])
+    return np.where(np.abs(values) < _ZERO, 0.0, values)
 
 
 def _products(multipliers: Complex, autonomous: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -215,9 +215,14 @@ def traced(curve: Group, names: tuple[str, str]) -> TracedCurve:
     )
 
 
-def resumed_state(newest: Resume, first: Mapping[str, Array], names: tuple[str, str]) -> CurveState:
-    """The state after the newest row; ``first`` holds state, period and the parameters of row 0."""
+RESUMED = (*TRACED, "period", "special_tests")  # what a curve goes on from, with the free parameters
+
+
+def resumed_state(newest: Resume, rows: Mapping[str, Array], names: tuple[str, str]) -> CurveState:
+    """The state after the newest row; ``rows``: ``RESUMED`` and the parameters, all rows."""
     row, slots = newest.row, newest.slots
+    previous = max(0, newest.n_points - 2)
+    tests = rows["special_tests"][previous]
     size = len(row["state"])
     arrays: dict[str, Any] = {
         name: row[name] for name in ("state", "period", "kappa", "kappa_slope", "step", "arclength")
@@ -237,11 +242,13 @@ def resumed_state(newest: Resume, first: Mapping[str, Array], names: tuple[str, 
         "left": left[:-1],
         "left_phase": left[-1],
         "tests": row["special_tests"],
+        "previous_tests": tests if newest.n_points > 1 else np.full_like(tests, np.nan),
+        "previous_arclength": rows["arclength"][previous],
         "steps": row["steps_per_period"],
         "step_error": row["step_error"],
         "basis": slots["basis"][:, :columns],
-        "start_state": first["state"][0],
-        "start_period": first["period"][0],
-        "start_parameters": [first[name][0] for name in names],
+        "start_state": rows["state"][0],
+        "start_period": rows["period"][0],
+        "start_parameters": [rows[name][0] for name in names],
     }
     return CurveState.from_arrays(arrays)

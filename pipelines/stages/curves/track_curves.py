@@ -29,7 +29,7 @@ from pipelines.datasets.records import ENDED
 from pipelines.stages import step_errors
 from pipelines.stages.curves.rows import (
     CONTAINERS,
-    TRACED,
+    RESUMED,
     CurveRecorder,
     curve_sizes,
     resumed_state,
@@ -163,7 +163,7 @@ def _follow(
     begin: CurveStart | CurveState = start.guess
     own: TracedCurve | None = None
     if newest is not None:
-        rows = job.read(group, (*TRACED, "period", *names))
+        rows = job.read(group, (*RESUMED, *names))
         begin, own = resumed_state(newest, rows.arrays, names), traced(rows, names)
     else:
         job.tell(0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}")

@@ -1,0 +1,100 @@
+"""Special points that a curve passes twice within one step: tests that return to their sign before the end.
+
+kappa is known with its slope at both ends of a step, and a cubic tells where it may leave [-1, 1]: there a
+Neimark-Sacker curve ends, so that the first passage must be found however shallow it is.  Of the other tests
+the parabola through their last three values tells where they may dip through zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import brentq
+
+from pipelines.bifurcations.continuation import hermite_weights
+from pipelines.bifurcations.curve import SpecialKind
+from pipelines.bifurcations.curves.segment import Bracket, CurveSegment, NotConvergedError, SegmentPoints
+from pipelines.bifurcations.cycles.double_crossings import lowest_beyond, lowest_inside
+from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
+
+_DIP = 0.5  # share of the nearer end below which a minimum of 1 -+ kappa inside a segment is looked at
+_ARRIVED = 1e-9  # distance of kappa from 1 or -1 at which a segment ends just on the second passage
+_LOOKS = 3  # places at which a dip is looked for, each the lowest one of a better parabola
+
+
+def dip_through(
+    points: SegmentPoints,
+    special: SpecialKind,
+    values: tuple[float, float, float],
+    before: float,
+    options: NormalFormOptions | None,
+) -> tuple[Bracket, ...]:
+    """The brackets on both sides of where a test is beyond zero, although it is not at either end; none where
+    it does not come so far, or a point fails.
+
+    ``values`` at ``before`` the start of the segment, at its start and at its end.
+    """
+    if not np.all(np.isfinite(values)):
+        return ()
+    (_, start, end), side = values, values[2] or values[1]
+    lowest = lowest_inside(np.array(values), before, points.segment.length)
+    try:
+        for _ in range(_LOOKS):
+            if lowest is None:
+                return ()
+            value = points.test(special, lowest, options)
+            if value * side < 0.0:
+                into = Bracket(special, (0.0, lowest), (start, value))
+                out = Bracket(special, (lowest, 1.0), (value, end))
+                return (out,) if start == 0.0 else (into, out)
+            lowest = lowest_beyond((0.0, lowest, 1.0), (start, value, end), side)
+    except NotConvergedError:
+        pass
+    return ()
+
+
+def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, float]) -> Bracket | None:
+    """Where kappa is beyond 1 (R1) or -1 (R2) although it is not at either end of a Neimark-Sacker segment.
+
+    ``start``: kappa and its slope at the start.  The cubic through both ends tells whether it is worth
+    looking; then the zero of the slope is found.  None when kappa turns back before, when a point fails, and
+    when kappa is no farther beyond than the corrector and the time steps leave it wrong: with an error e of
+    the multipliers
+
+        mu_1 - mu_2 = 2 sqrt(kappa^2 - 1) > e      or nearly      |kappa| - 1 > e^2/8
+    """
+    segment, sign = points.segment, 1.0 if special is SpecialKind.R1 else -1.0
+    before = 1.0 - sign * start[0]
+    if not _may_dip(segment, sign, before, start[1]):
+        return None
+    known = {0.0: start[1], 1.0: segment.end.kappa_slope}
+
+    def slope(fraction: float) -> float:
+        value = known[fraction] if fraction in known else points.end(fraction, None, False).kappa_slope
+        if not np.isfinite(value):
+            raise NotConvergedError
+        return value
+
+    try:
+        lowest = float(brentq(slope, 0.0, 1.0, xtol=1e-6))
+        beyond = sign * points.critical(lowest).kappa - 1.0
+    except NotConvergedError:
+        return None
+    options = segment.problem.options
+    error = float(np.fmax(options.step_tolerance, segment.end.point.step_error))
+    if beyond <= max(error**2 / 8.0, options.multiplier_tolerance):
+        return None
+    return Bracket(special, (0.0, lowest), (before, -beyond), touching=True)
+
+
+def _may_dip(segment: CurveSegment, sign: float, before: float, start_slope: float) -> bool:
+    """Whether the cubic of 1 -+ kappa through both ends of a segment comes down far enough between them."""
+    end = segment.end
+    after = 1.0 - sign * end.point.kappa
+    if abs(after) < _ARRIVED:
+        after = 0.0
+    falling, rising = -sign * start_slope, -sign * end.kappa_slope
+    if not (before > 0.0 and after >= 0.0 and falling < 0.0 < rising):
+        return False
+    weights = [hermite_weights(fraction, segment.length) for fraction in np.linspace(0.0, 1.0, 101)]
+    lowest = np.min(np.array(weights) @ [before, falling, after, rising])
+    return bool(lowest <= _DIP * min(before, after))
