@@ -102,7 +102,7 @@ $(NUMBERED) $(LETTERED): $(INSTALLED)
 	$(foreach stage,$(STAGES_$(number)),$(call compute,$(stage)))
 	$(foreach letter,$(letters),$(call draw,$(letter)))
 
-bench: $(INSTALLED) ## measure the ratios that the README quotes: build/bench.json
+bench: $(INSTALLED) ## measure the ratios of configs/performance.md: build/bench.json
 	$(BIN)/python -m tests.benchmarks
 
 clean: ## delete what the targets above made, except .venv

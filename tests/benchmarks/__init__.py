@@ -1,4 +1,4 @@
-"""Measurements behind the README's table, not tests: ``python -m tests.benchmarks``.
+"""Measurements behind the table of configs/performance.md, not tests: ``python -m tests.benchmarks``.
 
 One BLAS thread, as the command sets it for itself, and set before numpy is imported.
 """

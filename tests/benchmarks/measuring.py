@@ -61,7 +61,7 @@ def growth_exponent(sizes: Sequence[float], times: Sequence[float]) -> float:
 
 
 def markdown_table(measurements: Sequence[Measurement]) -> str:
-    """The table as the README shows it."""
+    """The table as configs/performance.md shows it."""
     rows = [f"| `{m.name}` | {m.value:.3g} | {m.unit} | {m.what} |" for m in measurements]
     return "\n".join(["| name | value | unit | what |", "|---|---|---|---|", *rows]) + "\n"
 

@@ -1,4 +1,4 @@
-"""Grids and numbers of runs: those of the README's table, and small ones that only show that all works."""
+"""Grids and numbers of runs: those of configs/performance.md, and small ones that only show that it works."""
 
 from __future__ import annotations
 

@@ -89,8 +89,10 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
     """Trace one branch into its group, from its first cycle or from the last committed point."""
     table = request.case.continue_cycles
     newest = branch.resume_row()
-    before = None if newest is None else newest.row["orbit"]
-    recorder = BranchRecorder(job.machine, branch, request.case, _teller(job, request), request.turns, before)
+    resumed = None if newest is None else job.read(request.group, ("event_kind",))
+    recorder = BranchRecorder(
+        job.machine, branch, request.case, _teller(job, request), request.turns, resumed
+    )
 
     def run(start: BranchStart | BranchState, towards: int) -> BranchResult:
         options = continuation_options(request.case, towards)

@@ -62,15 +62,15 @@ def static_arrays(machine: Machine, case: Case, problem: CycleProblem) -> dict[s
 
 
 _SAME_HALVES = 1e-6  # of the clearance: far below the amplitude at which doubled cycles are looked for
-_MERGED = 0.1  # of what the halves of a doubled cycle were apart a step before
 
 
 class BranchRecorder:
-    """Writes every accepted point of a branch, and stops the branch where a film is not physical any more, or
-    where cycles of ``turns`` > 1 excitation periods have passed through those of half their period.
+    """Writes every accepted point of a branch, and ends the branch where a film is no longer physical.
 
-    The shape of a cycle is needed by both and computed once, in ``limit``, which the engine asks first.
-    ``before``: orbit of the masters (samples, coordinates) at the last point of a branch that goes on.
+    A branch of cycles of ``turns`` > 1 excitation periods also ends behind its own period doubling, beyond
+    which the same cycles follow, shifted in time.  The shape of a cycle is computed once, in ``limit``, which
+    the engine asks before it records a point.  ``resumed``: the stored branch that is resumed, of which
+    event_kind is needed.
     """
 
     def __init__(
@@ -80,49 +80,47 @@ class BranchRecorder:
         case: Case,
         told: Callable[[BranchPoint, BranchState, tuple[Event, ...]], None],
         turns: int = 1,
-        before: Array | None = None,
+        resumed: Group | None = None,
     ) -> None:
         self._machine, self._branch, self._case, self._told = machine, branch, case, told
-        self._turns, self._before = turns, before
+        self._turns, self._first = turns, resumed is None
+        self._repeats = resumed is not None and _has_own_doubling(resumed)
         self._shape: CycleShape | None = None
 
     def limit(self, point: BranchPoint) -> str | None:
         """A sentence if the point does not belong to the branch (see the class)."""
+        if self._repeats:
+            return "beyond its own period doubling the branch has the same cycles again, shifted in time"
         cycle = point.cycle
         self._shape = cycle_shape(
             self._machine, cycle.image.orbit, cycle.parameters, self._turns, snapshots=SNAPSHOTS
         )
-        if self._turns > 1 and (message := self._undoubled(_halves_apart(self._shape.orbit))) is not None:
-            return message
+        if self._first and self._turns > 1 and _halves_apart(self._shape.orbit) < _SAME_HALVES:
+            return "the cycle beside the period doubling has half the period"
         return unphysical(self._shape, self._case.continue_cycles.minimum_film)
-
-    def _undoubled(self, apart: Array) -> str | None:
-        """A sentence if cycles whose halves are so far apart are no longer, or never were, doubled ones."""
-        if self._before is None:
-            same = float(np.max(np.abs(apart))) < _SAME_HALVES
-            return "the cycle beside the period doubling has half the period" if same else None
-        # beyond a period doubling the same cycles come again, shifted by half their period; a long step meets
-        # those of half the period instead
-        before = _halves_apart(self._before)
-        if float(before @ apart) > _MERGED * float(before @ before):
-            return None
-        return "the branch has come back to the cycles of half its period, at their next period doubling"
 
     def record(self, point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
         """Commit the point ``limit`` has just passed, with the events that lead to it."""
         assert self._shape is not None
-        self._before = self._shape.orbit
+        self._first = False
         case, after = self._case, state.index - 1
         rows = [event_row(case, event, after) for event in events]
         rows += [unlocated_row(case, kind, point, after) for kind in point.unlocated]
         slots = {"basis": state.basis, "basis_columns": state.basis.shape[1]}
         self._branch.commit(point_row(case, point, state, self._shape), slots, rows)
+        kinds = (*(event.kind for event in events), *point.unlocated)
+        self._repeats = self._repeats or EventKind.OWN_PERIOD_DOUBLING in kinds
         self._told(point, state, events)
 
 
-def _halves_apart(orbit: Array) -> Array:
+def _has_own_doubling(branch: Group) -> bool:
+    own = KINDS["cycles"].array("event_kind").flag(EventKind.OWN_PERIOD_DOUBLING.name.lower())
+    return bool(np.any(branch["event_kind"] == own))
+
+
+def _halves_apart(orbit: Array) -> float:
     """How far the masters move in half a period: zero for a cycle of half the period."""
-    return np.asarray(orbit[0] - orbit[len(orbit) // 2])
+    return float(np.max(np.abs(orbit[0] - orbit[len(orbit) // 2])))
 
 
 def point_row(case: Case, point: BranchPoint, state: BranchState, shape: CycleShape) -> dict[str, Any]:
