@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .film import FOIL, NODES, PRESSURE, STATIONS, film_geometry
-from .kernels import RATES
+from .kernels import RATES, kernel
 from .rates import BEARINGS, JOURNAL, ROTOR_SIZE, ROTOR_STATE, bearing_views, film_workspace
 
 # Observed values of bearing b lie at quantity * BEARINGS + b; largest values are kept as smallest negatives.
@@ -14,7 +13,7 @@ FILM, LOW_PRESSURE, HIGH_PRESSURE, LOW_FOIL, HIGH_FOIL = range(5)
 OBSERVED = 5 * BEARINGS
 
 
-@njit(RATES, cache=True)
+@kernel(RATES)
 def machine_extremes(phase, state, parameters, constants, layout, work, out):  # type: ignore[no-untyped-def]
     """Smallest film thickness, pressure and foil displacement, largest pressure and foil displacement
     (negative), over clearance and ambient pressure, into ``out`` (OBSERVED,).

@@ -16,7 +16,7 @@ unloaded) or, for a periodic film, the opposite end.  Pressures of a bearing are
 
 from __future__ import annotations
 
-from numba import njit
+from pipelines.machine.kernels import kernel
 
 from .ring import ring_axes_at, ring_displacement_at, ring_rate_at
 
@@ -39,7 +39,7 @@ SPEED, EXCITATION_FREQUENCY, DISPLACEMENT, FOIL_STIFFNESS = range(4)
 DISPLACEMENT_RATE = 4
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def foil_coefficients(parameters, integers, scalars):
     """Flexibility a = 1/c_f and relaxation rate r = k_f/c_f of the foil (Eq. 8); a = 0 if rigid."""
     if integers[LOSS_FACTOR_DAMPING] == 1:  # c_f = eta k_f / Omega
@@ -55,7 +55,7 @@ def foil_coefficients(parameters, integers, scalars):
 # vectorise them.
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def film_geometry(
     phase, state, parameters, integers, scalars, arrays, journal, thickness, thickness_rate, foil_rate
 ):
@@ -105,7 +105,7 @@ def film_geometry(
             thickness[k] = 1.0 - journal[0] * cosine[k] - journal[1] * sine[k] + edge
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def pad_pressure(pressure, integers, padded):
     """Copy the pressures into rows of ``nodes + 2`` entries with the film's ends filled in (Eq. 4)."""
     nodes, stations = integers[NODES], integers[STATIONS]
@@ -125,7 +125,7 @@ CONDUCTANCE, CONDUCTANCE_SLOPE, FLUX, INVERSE, CURVATURE = range(5)
 FILM_SCRATCH = 5
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _fill_faces(integers, scalars, thickness, scratch):
     """The rows of ``scratch`` that all stations share."""
     nodes = integers[NODES]
@@ -140,7 +140,7 @@ def _fill_faces(integers, scalars, thickness, scratch):
         inverse[i] = 1.0 / inner[i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _fill_curvature(station, padded, integers, arrays, out):
     """d^2P/dz^2 of a station at every node, from all stations and the side pressure."""
     nodes, stations = integers[NODES], integers[STATIONS]
@@ -155,7 +155,7 @@ def _fill_curvature(station, padded, integers, arrays, out):
             out[i] += weight * pressure[i] * pressure[i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def film_rates(
     padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate, scratch
 ):
@@ -191,7 +191,7 @@ def film_rates(
 BEFORE, AFTER, THICKNESS_BEFORE, THICKNESS_HERE, THICKNESS_AFTER, THICKNESS_RATE, HERE = range(7)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def film_derivatives(
     padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate, terms, scratch
 ):

@@ -30,7 +30,8 @@ so half of the unclipped derivative is the derivative there, as with r'(0) = 1/2
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from pipelines.machine.kernels import kernel
 
 from .film import CLIPPING, FULL, GUMBEL, NODES, PERIODIC, SMOOTHING, SPACING, STATIONS
 
@@ -45,7 +46,7 @@ AMBIENT = 1e-9
 _R0, _R2, _R4, _R6, _R8 = 35.0 / 512.0, 105.0 / 128.0, -175.0 / 256.0, 49.0 / 128.0, -45.0 / 512.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _power_integrals(a, b):
     """Integrals of 1, x, ..., x^4 from a to b."""
     a2, b2 = a * a, b * b
@@ -55,7 +56,7 @@ def _power_integrals(a, b):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _roots_inside(c0, c1, c2, low, high):
     """The roots q/c2 and c0/q of c0 + c1 x + c2 x^2 in rising order and cut off at the ends; without roots
     its vertex twice.
@@ -70,7 +71,7 @@ def _roots_inside(c0, c1, c2, low, high):
     return min(one, other), max(one, other)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def positive_moments(c0, c1, c2, low, high):
     """Integrals of 1, x, ..., x^4 over the part of [low, high] where c0 + c1 x + c2 x^2 > 0."""
     # u lies between its Bernstein coefficients.
@@ -89,13 +90,13 @@ def positive_moments(c0, c1, c2, low, high):
     return p0 - m0, p1 - m1, p2 - m2, p3 - m3, p4 - m4
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def is_ambient(left, middle, right):
     """Whether u with these Bernstein coefficients lies on the ambient line."""
     return (abs(left) <= AMBIENT) & (abs(middle) <= AMBIENT) & (abs(right) <= AMBIENT)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _trigonometric(moments, spacing):
     """Moments of 1, x, x^2 with cos(dtheta x), then with sin(dtheta x), to second order in dtheta x."""
     m0, m1, m2, m3, m4 = moments
@@ -103,7 +104,7 @@ def _trigonometric(moments, spacing):
     return m0 - half * m2, m1 - half * m3, m2 - half * m4, spacing * m1, spacing * m2, spacing * m3
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def clipped_integrals(c0, c1, c2, low, high, spacing):
     """C = int u^+ cos(dtheta x) dx and S = int u^+ sin(dtheta x) dx of u = c0 + c1 x + c2 x^2, each with its
     derivatives by c0, c1, c2; on the ambient line half of those of u.
@@ -117,7 +118,7 @@ def clipped_integrals(c0, c1, c2, low, high, spacing):
     return cosine, k0, k1, k2, sine, s0, s1, s2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def regularised_positive_part(u, width):
     """r(u) and its slope."""
     t = u / width
@@ -131,7 +132,7 @@ def regularised_positive_part(u, width):
     return width * value, slope
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def regularised_integrals(c0, c1, c2, low, high, spacing, width):
     """The same for r(u) in place of u^+.
 
@@ -167,7 +168,7 @@ def regularised_integrals(c0, c1, c2, low, high, spacing, width):
     return cosine, k0, k1, k2, sine, s0, s1, s2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def cell_integrals(c0, c1, c2, low, high, integers, scalars):
     """The integrals of a cell by the bearing's way of clipping."""
     if integers[CLIPPING] == GUMBEL:
@@ -181,7 +182,7 @@ COEFFICIENT, BY_X, BY_Y, KIND = range(4)
 FORCE_SCRATCH = 4
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _fill_coefficients(row, integers, out):
     """P of a padded row of pressures; zero on a foil edge."""
     nodes = integers[NODES]
@@ -193,7 +194,7 @@ def _fill_coefficients(row, integers, out):
     out[nodes + 1] = out[1] if periodic else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _apply_coefficients(by_coefficient, scale, integers, out):
     """Derivatives by the pressures of a row from those by P, and clear these."""
     nodes = integers[NODES]
@@ -209,7 +210,7 @@ def _apply_coefficients(by_coefficient, scale, integers, out):
     by_coefficient[:] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _edge_force(scratch, edge, cosine, sine, integers, scalars, wanted):
     """int u^+ (cos, sin) over the 3/2 spacings beside a foil edge: the parabola through u = 0 that
     continues the spline.  Its coordinate runs from -1 at the edge to 1/2, with 0 at the first node.
@@ -230,7 +231,7 @@ def _edge_force(scratch, edge, cosine, sine, integers, scalars, wanted):
     return c * even - s * odd, turn * (s * even + c * odd)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _cut_force(scratch, k, cosine, sine, integers, scalars, wanted):
     """int u^+ (cos, sin) over the spacing around node k, where u may change its sign."""
     coefficient = scratch[COEFFICIENT]
@@ -249,7 +250,7 @@ def _cut_force(scratch, k, cosine, sine, integers, scalars, wanted):
     return c * even - s * odd, s * even + c * odd
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _fill_kinds(scratch, first, last, integers, scalars):
     """Fill KIND of the nodes ``first`` to ``last``; zero elsewhere.
 
@@ -269,7 +270,7 @@ def _fill_kinds(scratch, first, last, integers, scalars):
         own[i] = (1.0 if whole else 0.0) if decided else -1.0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@kernel(error_model="numpy", fastmath={"reassoc", "contract"})
 def _whole_force(scratch, cosine, sine, integers, scalars, wanted):
     """int u^+ (cos, sin) over the spacings where u is positive throughout: with k0, k2 and s1 the integrals
     of ``clipped_integrals`` over [-1/2, 1/2], the sums C = c0 k0 + c2 k2 and S = c1 s1 of every node.
@@ -305,7 +306,7 @@ def _whole_force(scratch, cosine, sine, integers, scalars, wanted):
     return x, y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _station_force(scratch, cosine, sine, integers, scalars, wanted):
     """int u^+ (cos, sin) over theta / dtheta of the station whose P stands in ``scratch``."""
     nodes, periodic, kind = integers[NODES], integers[PERIODIC] == 1, scratch[KIND]
@@ -327,7 +328,7 @@ def _station_force(scratch, cosine, sine, integers, scalars, wanted):
     return x + own_x, y + own_y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def film_force(padded, integers, scalars, arrays, gradient, scratch):
     """Gas force on the journal (F_x, F_y); ``gradient`` (2, nodes * stations) receives its derivative with
     every pressure unless it is empty.  ``scratch`` (FORCE_SCRATCH, nodes + 2).

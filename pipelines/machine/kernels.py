@@ -1,4 +1,4 @@
-"""Signatures of the compiled right-hand sides.
+"""Compiled functions: their decorator, and the signatures of the right-hand sides.
 
 A kernel sees the phase ``phi = 2 pi tau / T`` instead of the time tau, so that one loop integrates any period
 over the unit interval.  It owns no memory: constants, integer layout and scratch space are handed in.
@@ -14,14 +14,19 @@ An implicit stepper also needs the shifted systems (I - shift J) x = b:
 parameters, shift, constants, layout, work, factors``. ``SOLVE``  replaces b by x in ``lines``, a flat array
 with LINE columns row by row; arguments ``factors, constants, layout, work, lines``.
 
-Decorate with ``@njit(RATES, cache=True)``: the explicit signature makes the compilation eager and the
-function usable as a first-class value of type ``RATES_POINTER`` in another compiled function, which is then
-cached as well.
+Decorate with ``@kernel(RATES)``: the explicit signature makes the compilation eager and the function usable
+as a first-class value of type ``RATES_POINTER`` in another compiled function, which is then cached as well.
 """
 
 from __future__ import annotations
 
-from numba import types
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import njit, types
 
 _VECTOR = types.float64[::1]
 _MATRIX = types.float64[:, ::1]
@@ -35,3 +40,40 @@ RATES_POINTER = types.FunctionType(RATES)
 TANGENT_POINTER = types.FunctionType(TANGENT)
 FACTORISE_POINTER = types.FunctionType(FACTORISE)
 SOLVE_POINTER = types.FunctionType(SOLVE)
+
+_PACKAGES = tuple(Path(__file__).parents[1] / name for name in ("machine", "orbits"))
+
+
+def kernel(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """``numba.njit`` whose cache on the disk is void when the sources of any kernel change.
+
+    Numba looks at the file of a compiled function, not at the files of the functions that it calls: after an
+    update of the sources it would run old machine code without a word.
+
+    ``signature``: of an eager compilation, None to compile when called.
+    ``options``: of ``njit``.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        compiled = njit(cache=True, **options)(function)
+        cached = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+        if cached is not None and hasattr(cached, "_source_stamp"):
+            # internals of numba: where it has other ones, its own rule holds
+            cached._source_stamp = source_digest()
+        if signature is not None and hasattr(compiled, "compile"):  # a plain function with NUMBA_DISABLE_JIT
+            compiled.compile(signature)
+            compiled.disable_compile()
+        return compiled
+
+    return decorate
+
+
+@cache
+def source_digest() -> str:
+    """A hash of all files that hold kernels, or constants of theirs."""
+    digest = hashlib.sha256()
+    for path in sorted(path for package in _PACKAGES for path in package.rglob("*.py")):
+        content = path.read_bytes()
+        if b"kernel" in content or b"numba" in content:
+            digest.update(content)
+    return digest.hexdigest()

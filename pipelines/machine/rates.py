@@ -13,7 +13,6 @@ Journal coordinates of a bearing are in units of its own clearance.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .film import (
     AFTER,
@@ -39,7 +38,7 @@ from .film import (
     pad_pressure,
 )
 from .film_force import FORCE_SCRATCH, film_force
-from .kernels import RATES, TANGENT
+from .kernels import RATES, TANGENT, kernel
 from .lines import LINE, add_line, fold_line, set_line
 
 # Integers of the machine, followed by FILM_INTEGERS for each bearing.
@@ -49,7 +48,7 @@ BEARINGS = 2
 UNSIGNED = np.uint64
 
 
-@njit(cache=True)
+@kernel()
 def bearing_views(bearing, constants, layout):
     """Integers, scalars, arrays and the journal's clearance ratio of one bearing."""
     start = MACHINE_INTEGERS + bearing * FILM_INTEGERS
@@ -59,7 +58,7 @@ def bearing_views(bearing, constants, layout):
     return integers, scalars, constants[offset + 1 + FILM_SCALARS :], constants[offset]
 
 
-@njit(cache=True)
+@kernel()
 def film_workspace(integers, work):
     """Thickness (nodes + 2), its rate (nodes), padded pressures, scratch of the film and of the force."""
     padded = integers[NODES] + 2
@@ -75,7 +74,7 @@ def film_workspace(integers, work):
     )
 
 
-@njit(cache=True)
+@kernel()
 def bearing_rates(phase, state, parameters, bearing, constants, layout, work, out, gradient):
     """Film and foil rates of one bearing into ``out``; returns the force on its journal and, unless
     ``gradient`` is empty, its derivatives there.
@@ -104,7 +103,7 @@ def bearing_rates(phase, state, parameters, bearing, constants, layout, work, ou
     return film_force(padded, integers, scalars, arrays, gradient, force_scratch)
 
 
-@njit(cache=True)
+@kernel()
 def rotor_views(constants, layout):
     """M^-1 K, M^-1 C, M^-1 G (size x size), M^-1 at the journals (size x 4) and the gravity acceleration."""
     size, start = layout[ROTOR_SIZE], layout[ROTOR_CONSTANTS]
@@ -116,7 +115,7 @@ def rotor_views(constants, layout):
     return stiffness, damping, gyroscopic, influence, constants[start + 3 * square + 4 * size :]
 
 
-@njit(RATES, cache=True)
+@kernel(RATES)
 def machine_rates(phase, state, parameters, constants, layout, work, out):
     """ds/dtau of the whole machine (Eq. 16)."""
     force = work[:4]
@@ -140,7 +139,7 @@ def machine_rates(phase, state, parameters, constants, layout, work, out):
         out[start + size + row] = acceleration
 
 
-@njit(cache=True)
+@kernel()
 def linearise_bearing(phase, state, parameters, bearing, constants, layout, work, terms, gradient):
     """Fill the derivatives of a bearing's film (``terms``) and force (``gradient``) at a state."""
     integers, scalars, arrays, _ = bearing_views(bearing, constants, layout)
@@ -157,7 +156,7 @@ def linearise_bearing(phase, state, parameters, bearing, constants, layout, work
 # row of the chunk.  Offsets are unsigned, as ``lines`` asks for.
 
 
-@njit(cache=True)
+@kernel()
 def gather_lines(block, first, width, row, rows, lines):
     """Copy ``rows`` rows of the columns ``first : first + width`` to lines, zeros beyond the width."""
     if width == LINE:
@@ -173,7 +172,7 @@ def gather_lines(block, first, width, row, rows, lines):
             lines[i * LINE + c] = 0.0
 
 
-@njit(cache=True)
+@kernel()
 def scatter_lines(lines, first, width, row, rows, block):
     """Copy lines back to rows of a block."""
     if width == LINE:
@@ -187,7 +186,7 @@ def scatter_lines(lines, first, width, row, rows, block):
             block[row + i, first + c] = lines[i * LINE + c]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def foil_lines(lines, parameters, integers, scalars, arrays, clearance, out):
     """Foil rows of J, and dh and d(dh/dtau) for the film rows.
 
@@ -225,7 +224,7 @@ def foil_lines(lines, parameters, integers, scalars, arrays, clearance, out):
         set_line(lines, last + w, (1.0,), lines, (slope + w,))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def film_lines(lines, terms, integers, out):
     """Film rows of J from the lines that ``foil_lines`` has completed; ``terms`` as in
     ``film.film_derivatives``.
@@ -254,7 +253,7 @@ def film_lines(lines, terms, integers, out):
                 add_line(out, to, terms[UNSIGNED(HERE) + other, row], lines, station + other * step)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def force_lines(lines, gradient, force):
     """Lines dF_x and dF_y of a bearing into ``force`` (2 lines); ``lines`` begins with its pressures."""
     rows, w = UNSIGNED(gradient.shape[1]), UNSIGNED(LINE)
@@ -264,7 +263,7 @@ def force_lines(lines, gradient, force):
         fold_line(force, k * w, force, k * w, flat, k * rows, lines, UNSIGNED(0), w, rows)
 
 
-@njit(cache=True)
+@kernel()
 def add_force(force, first, width, bearing, constants, layout, out):
     """Add M^-1 dF of one bearing to the rotor's accelerations."""
     size = layout[ROTOR_SIZE]
@@ -276,7 +275,7 @@ def add_force(force, first, width, bearing, constants, layout, out):
             out[to + row, first + c] += x * force[c] + y * force[LINE + c]
 
 
-@njit(cache=True)
+@kernel()
 def rotor_tangent(block, speed, constants, layout, out):
     """Rotor rows of J @ block without the bearing forces."""
     stiffness, damping, gyroscopic, _, _ = rotor_views(constants, layout)
@@ -292,7 +291,7 @@ def rotor_tangent(block, speed, constants, layout, out):
                 out[to, c] -= k * block[start + column, c] + d * block[start + size + column, c]
 
 
-@njit(cache=True)
+@kernel()
 def tangent_workspace(nodes, stations, work):
     """Split scratch space into terms, force gradient, lines, their image, force lines, and the rest."""
     rows = nodes * stations
@@ -311,7 +310,7 @@ def tangent_workspace(nodes, stations, work):
     )
 
 
-@njit(TANGENT, cache=True)
+@kernel(TANGENT)
 def machine_tangent(phase, state, block, parameters, constants, layout, work, out):
     """J(phase, state) @ block: linearise both bearings, then sweep the block in chunks of columns."""
     columns, start, size = block.shape[1], layout[ROTOR_STATE], layout[ROTOR_SIZE]

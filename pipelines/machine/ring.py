@@ -9,13 +9,14 @@ Displacements below are in units of the clearance c_r and times in units of t0; 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pipelines.machine.kernels import kernel
 
 FloatArray = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def ring_axes_at(  # type: ignore[no-untyped-def]
     phase, displacement, frequency, ratio, amplitude, phase_shift, displacement_rate=0.0
 ):
@@ -34,7 +35,7 @@ def ring_axes_at(  # type: ignore[no-untyped-def]
     return -ratio * vertical, vertical, -ratio * vertical_rate, vertical_rate
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def ring_displacement_at(cosine, sine, horizontal, vertical, radius_over_clearance):  # type: ignore[no-untyped-def]
     """Radial displacement q_r of the ring over c_r at the angle with this cosine and sine (Eq. 25).
 
@@ -49,7 +50,7 @@ def ring_displacement_at(cosine, sine, horizontal, vertical, radius_over_clearan
     return growth / (root + r)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def ring_rate_at(cosine, sine, horizontal, vertical, horizontal_rate, vertical_rate, radius_over_clearance):  # type: ignore[no-untyped-def]
     """Rate d q_r / d tau over c_r at the angle with this cosine and sine (Eq. 25, second line)."""
     along = radius_over_clearance + horizontal

@@ -23,7 +23,6 @@ The cost is linear in the number of lines along theta.  A line of eight columns 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .film import (
     AFTER,
@@ -40,7 +39,7 @@ from .film import (
     THICKNESS_RATE,
     foil_coefficients,
 )
-from .kernels import FACTORISE, SOLVE
+from .kernels import FACTORISE, SOLVE, kernel
 from .lines import LINE, fold_line, set_line
 from .rates import (
     BEARINGS,
@@ -60,7 +59,7 @@ FORCES = 2 * BEARINGS
 _HEADER = 2  # shift and speed for which the rotor's inverse stands
 
 
-@njit(cache=True)
+@kernel()
 def _film_views(integers, start, factors):
     """Pieces of the factors of one bearing from ``start``, and where they end.
 
@@ -89,7 +88,7 @@ def _film_views(integers, start, factors):
 LOWER, INVERSE, UPPER, COLUMN, ROW = range(5)  # of the blocks above
 
 
-@njit(cache=True)
+@kernel()
 def _closing_views(size, start, factors):
     """S^-1, -shift S^-1 M^-1 K (size, size), shift S^-1 M^-1 at the journals (size, 4), and the closing 4 x 4
     matrices: force response to the journals' displacements, to their velocities, and the inverse.
@@ -120,7 +119,7 @@ def workspace_size(state_size: int, rotor_size: int, nodes: int, stations: int) 
     return max(factorise, (FORCES + max(stations, rotor_size + FORCES)) * LINE)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _product(n, a, b, sign, out):
     for i in range(n):
         for j in range(n):
@@ -130,7 +129,7 @@ def _product(n, a, b, sign, out):
             out[i, j] += sign * total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _multiply_add(a, b, sign, out):
     """out += sign a b for small square matrices, ``out`` another one than a and b."""
     n = a.shape[0]
@@ -144,7 +143,7 @@ def _multiply_add(a, b, sign, out):
         _product(n, a, b, sign, out)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(error_model="numpy", inline="always")
 def _gauss_jordan(n, matrix, out):
     for i in range(n):
         for j in range(n):
@@ -162,7 +161,7 @@ def _gauss_jordan(n, matrix, out):
                     out[i, j] -= factor * out[column, j]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _invert(matrix, out):
     """Gauss-Jordan elimination of a small matrix, which is destroyed.
 
@@ -179,7 +178,7 @@ def _invert(matrix, out):
         _gauss_jordan(n, matrix, out)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _film_blocks(terms, shift, foil, nodes, stations, node, blocks):
     """L_i, D_i, U_i of one axial line into ``blocks`` (3, stations, stations)."""
     for j in range(stations):
@@ -196,7 +195,7 @@ def _film_blocks(terms, shift, foil, nodes, stations, node, blocks):
         blocks[2, j, j] -= shift * terms[AFTER, row]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _eliminate(terms, shift, foil, integers, work, blocks):
     """Block elimination along theta into ``blocks`` (LOWER, INVERSE, UPPER, COLUMN, ROW)."""
     nodes, stations, periodic = integers[NODES], integers[STATIONS], integers[PERIODIC] == 1
@@ -243,7 +242,7 @@ def _eliminate(terms, shift, foil, integers, work, blocks):
         _invert(seam[1], blocks[INVERSE, count])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _solve_film(blocks, integers, work, lines):
     """Pressures of a bearing with its foil eliminated and its journal at rest, in place; ``lines`` starts
     with the pressures, ``work`` holds ``stations`` lines.
@@ -282,7 +281,7 @@ def _solve_film(blocks, integers, work, lines):
                 fold_line(lines, to, lines, to, column, of, lines, last, step, stations)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _solve_bearing(views, integers, work, lines, force):
     """Pressures and gas force (2 lines) of a bearing whose journal is at rest; foil displacements are left at
     b_q / (1 + shift r).
@@ -304,7 +303,7 @@ def _solve_bearing(views, integers, work, lines, force):
     force_lines(lines, gradient, force)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _move_journal(views, integers, journal, lines):
     """Add what the journal's motion (4 lines) does to the pressures, then the pressures' part of the foil
     displacements.
@@ -319,7 +318,7 @@ def _move_journal(views, integers, journal, lines):
         fold_line(lines, to, lines, to, foil, one, lines, i * w, nodes * w, stations)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _fill_right_sides(terms, shift, relaxation, scale, integers, arrays, views):
     """What b_q and the journal's coordinates are multiplied by (see ``_film_views``)."""
     nodes, stations = integers[NODES], integers[STATIONS]
@@ -340,13 +339,13 @@ def _fill_right_sides(terms, shift, relaxation, scale, integers, arrays, views):
             journal[r * LINE + 2 + k] = -shift * scale * rate * trig[i + 1]
 
 
-@njit(cache=True)
+@kernel()
 def _bearing_weights(integers, arrays):
     """Weights of the axial mean."""
     return arrays[2 * integers[NODES] + 4 + integers[STATIONS] * (integers[STATIONS] + 1) :]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layout, work, views, response):
     """Factors of one film; ``response`` (2 lines): gas force by the journal's X, Y, dX/dtau, dY/dtau."""
     integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
@@ -364,7 +363,7 @@ def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layo
     force_lines(journal, force, response)
 
 
-@njit(cache=True)
+@kernel()
 def _invert_if_finite(matrix, inverse):
     """The inverse, or NaN where the equations have left their domain: the solver of the stage sees that."""
     inverse[:, :] = np.nan
@@ -372,7 +371,7 @@ def _invert_if_finite(matrix, inverse):
         inverse[:, :] = np.linalg.inv(matrix)
 
 
-@njit(cache=True)
+@kernel()
 def _factorise_rotor(shift, speed, constants, layout, start, factors):
     """The rotor's constant matrices, unless they already stand for this shift and speed."""
     size = layout[ROTOR_SIZE]
@@ -387,7 +386,7 @@ def _factorise_rotor(shift, speed, constants, layout, start, factors):
     compliance[:, :] = shift * (inverse @ influence)
 
 
-@njit(FACTORISE, cache=True)
+@kernel(FACTORISE)
 def machine_factorise(phase, state, parameters, shift, constants, layout, work, factors):
     """Factors of I - shift J(phase, state) for ``machine_solve``; ``factors`` start as zeros."""
     size, offset = layout[ROTOR_SIZE], 0
@@ -420,7 +419,7 @@ def machine_factorise(phase, state, parameters, shift, constants, layout, work, 
     _invert_if_finite(matrix, closing[2])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _solve_rotor(views, layout, lines, force, work):
     """Rotor displacements and velocities in place, from the gas forces (4 lines) with the journals at
     rest.
@@ -453,7 +452,7 @@ def _solve_rotor(views, layout, lines, force, work):
         set_line(lines, position + i * w, (1.0, header[0]), lines, (position + i * w, to))
 
 
-@njit(SOLVE, cache=True)
+@kernel(SOLVE)
 def machine_solve(factors, constants, layout, work, lines):
     """lines <- (I - shift J)^-1 lines for LINE columns; ``lines`` (size * LINE,) holds them row by row."""
     force, journal, scratch = work[: FORCES * LINE], work[: FORCES * LINE], work[FORCES * LINE :]

@@ -23,7 +23,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pipelines.case.models import Case
@@ -31,7 +30,7 @@ from pipelines.case.transient_settings import unbalance_moments
 
 from .assembly import Machine
 from .film import EXCITATION_FREQUENCY, SPEED
-from .kernels import RATES
+from .kernels import RATES, kernel
 from .rates import ROTOR_CONSTANTS, ROTOR_SIZE, ROTOR_STATE, machine_rates
 from .shaft import NODE_FREEDOMS
 
@@ -70,7 +69,7 @@ def unbalance_acceleration(machine: Machine, masses: Sequence[UnbalanceMass]) ->
     return np.ascontiguousarray(loads @ condensed.transformation @ velocities.T)
 
 
-@njit(cache=True)
+@kernel()
 def unbalance_factors(angle, speed, acceleration):  # type: ignore[no-untyped-def]
     """What A_c and A_s are multiplied by at the rotation angle ``angle``, ``speed`` phi', ``acceleration``
     phi''.
@@ -79,7 +78,7 @@ def unbalance_factors(angle, speed, acceleration):  # type: ignore[no-untyped-de
     return speed * speed * c + acceleration * s, speed * speed * s - acceleration * c
 
 
-@njit(RATES, cache=True)
+@kernel(RATES)
 def unbalanced_rates(phase, state, parameters, constants, layout, work, out):  # type: ignore[no-untyped-def]
     """ds/dtau with unbalance at constant speed; A_c and A_s follow the machine's own constants."""
     machine_rates(phase, state, parameters, constants, layout, work, out)

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import is_jitted
 
-from pipelines.machine.kernels import FACTORISE, RATES, SOLVE, TANGENT
+from pipelines.machine.kernels import FACTORISE, RATES, SOLVE, TANGENT, kernel
 from pipelines.machine.lines import LINE
 from pipelines.orbits.system import DynamicalSystem, Matrix, ShiftedSolver, Vector
 
@@ -79,7 +79,7 @@ def dense_shifted(tangent: Any, size: int) -> ShiftedSolver:
 
 
 # compiling numpy's own inverse and product takes twelve seconds; these are cached
-@njit(types.void(_MATRIX, _MATRIX), cache=True, error_model="numpy")
+@kernel(types.void(_MATRIX, _MATRIX), error_model="numpy")
 def _invert(matrix, out):  # type: ignore[no-untyped-def]
     """out = matrix^-1 by Gauss-Jordan elimination with row pivots; ``matrix`` is lost."""
     size = matrix.shape[0]
@@ -109,7 +109,7 @@ def _invert(matrix, out):  # type: ignore[no-untyped-def]
                     out[i, j] -= factor * out[k, j]
 
 
-@njit(SOLVE, cache=True)
+@kernel(SOLVE)
 def _solve_dense(factors, constants, layout, work, lines):  # type: ignore[no-untyped-def]
     """lines = factors lines, of the inverse matrix."""
     size = lines.shape[0] // LINE

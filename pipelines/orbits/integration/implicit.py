@@ -17,10 +17,10 @@ another.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
-from pipelines.machine.kernels import FACTORISE_POINTER, RATES_POINTER, SOLVE_POINTER, TANGENT_POINTER
+from pipelines.machine.kernels import FACTORISE_POINTER, RATES_POINTER, SOLVE_POINTER, TANGENT_POINTER, kernel
 from pipelines.machine.lines import LINE
 from pipelines.orbits.integration.propagation import (
     PARAMETER_DIFFERENCE,
@@ -45,20 +45,20 @@ _NEWTON_ITERATIONS = 40
 # ``oscillator`` as in ``propagation.propagate``.
 
 
-@njit(cache=True)
+@kernel()
 def _base_size(state, oscillator):  # type: ignore[no-untyped-def]
     """States of the system itself."""
     return state.shape[0] - 2 if oscillator >= 0 else state.shape[0]
 
 
-@njit(cache=True)
+@kernel()
 def _phase_at(state, oscillator, forced):  # type: ignore[no-untyped-def]
     """The phase of the forcing: that of the oscillator of Eq. 17 if there is one."""
     n = state.shape[0]
     return np.arctan2(state[n - 2], state[n - 1]) if oscillator >= 0 else forced
 
 
-@njit(cache=True)
+@kernel()
 def _rates_at(system, phase, state, out):  # type: ignore[no-untyped-def]
     """Rates of the system and of the oscillator."""
     parameters, constants, layout, work, oscillator, rates, _, _, _ = system
@@ -68,7 +68,7 @@ def _rates_at(system, phase, state, out):  # type: ignore[no-untyped-def]
         oscillator_rates(state, parameters[oscillator], out)
 
 
-@njit(cache=True)
+@kernel()
 def _phase_slope(system, phase, state, trial, slope):  # type: ignore[no-untyped-def]
     """df/dphase by the five-point formula; zero without an oscillator."""
     parameters, constants, layout, work, oscillator, rates, _, _, _ = system
@@ -82,7 +82,7 @@ def _phase_slope(system, phase, state, trial, slope):  # type: ignore[no-untyped
                 slope[i] += weight * trial[i] / (12.0 * PHASE_DIFFERENCE)
 
 
-@njit(cache=True)
+@kernel()
 def _add_inhomogeneous(system, phase, state, weight, growth, slope, trial, lines):  # type: ignore[no-untyped-def]
     """lines += weight (df/dlambda + (dT/dlambda) f / T) in the columns that ask for it.
 
@@ -109,7 +109,7 @@ def _add_inhomogeneous(system, phase, state, weight, growth, slope, trial, lines
         parameters[p] = value
 
 
-@njit(types.void(_VECTOR, _FLOAT, _FLOAT, _VECTOR), cache=True)
+@kernel(types.void(_VECTOR, _FLOAT, _FLOAT, _VECTOR))
 def _oscillator_stage(right, weight, frequency, stage):  # type: ignore[no-untyped-def]
     """The last two entries of a stage: Newton's method on Eq. 17, S = R + weight g(S), from the entries of
     ``stage``.
@@ -130,7 +130,7 @@ def _oscillator_stage(right, weight, frequency, stage):  # type: ignore[no-untyp
             return
 
 
-@njit(types.void(_VECTOR, _FLOAT, _FLOAT, _VECTOR, _VECTOR), cache=True)
+@kernel(types.void(_VECTOR, _FLOAT, _FLOAT, _VECTOR, _VECTOR))
 def _oscillator_lines(stage, weight, frequency, phase_slope, lines):  # type: ignore[no-untyped-def]
     """Solve the two rows of Eq. 17 and put weight df/dphase dphase on the right-hand side of the others."""
     n = stage.shape[0] - 2
@@ -149,7 +149,7 @@ def _oscillator_lines(stage, weight, frequency, phase_slope, lines):  # type: ig
             lines[i * LINE + c] += phase * phase_slope[i]
 
 
-@njit(cache=True)
+@kernel()
 def _solve_stage(system, phase, weight, factored, right, factors, stage, slope, line):  # type: ignore[no-untyped-def]
     """Newton's method for S = R + weight f(phase, S) from the guess in ``stage``; False if it fails.
 
@@ -181,7 +181,7 @@ def _solve_stage(system, phase, weight, factored, right, factors, stage, slope, 
     return False
 
 
-@njit(cache=True)
+@kernel()
 def _solve_columns(
     system, tableau, growth, i, phase, factors, lines, line_slopes, stages, stage, slope, spaces
 ):  # type: ignore[no-untyped-def]
@@ -206,14 +206,14 @@ def _solve_columns(
         _slopes_of(own, 1.0 / weight, line_slopes[chunk, i])
 
 
-@njit(cache=True)
+@kernel()
 def _slopes_of(stage, per_weight, slopes):  # type: ignore[no-untyped-def]
     """K' = (Y - R') / weight, where ``slopes`` holds R'."""
     for k in range(stage.shape[0]):
         slopes[k] = (stage[k] - slopes[k]) * per_weight
 
 
-@njit(cache=True)
+@kernel()
 def _starting_lines(system, growth, phase, state, slope, lines, line_slopes, spaces):  # type: ignore[no-untyped-def]
     """Slopes of the columns at the start, where no stage has left them."""
     parameters, constants, layout, work, oscillator, _, tangent, _, _ = system
@@ -229,14 +229,14 @@ def _starting_lines(system, growth, phase, state, slope, lines, line_slopes, spa
     _add_inhomogeneous(system, phase, state, 1.0, growth, slope, trial, line_slopes)
 
 
-@njit(cache=True)
+@kernel()
 def _hermite(x, h):  # type: ignore[no-untyped-def]
     """Weights of the values and slopes at both ends of a step, at the fraction x of it."""
     y = 1.0 - x
     return y * y * (1.0 + 2.0 * x), x * y * y * h, x * x * (1.0 + 2.0 * y), -x * x * y * h
 
 
-@njit(cache=True)
+@kernel()
 def _accumulate(weights, gradient, share, point, lines, line_slopes, stages, functional):  # type: ignore[no-untyped-def]
     """functional += share <gradient, y> for y the ``point`` of the orbit and every column, interpolated
     within a step.
@@ -268,13 +268,12 @@ def workspace_sizes(size: int, chunks: int, stages: int) -> tuple[int, int]:
     return (2 * stages + 4 + LINE) * size, (stages + 1) * chunks * size * LINE
 
 
-@njit(
+@kernel(
     types.int64(
         RATES_POINTER, TANGENT_POINTER, FACTORISE_POINTER, SOLVE_POINTER, _MATRIX, _VECTOR, _MATRIX,
         _INT, _FLOAT, _FLOAT, _INT, _VECTOR, _VECTOR, _INTEGERS, _VECTOR, _VECTOR, _VECTOR, _MATRIX,
         _INTEGERS, _VECTOR, _MATRIX, _MATRIX, _VECTOR, _VECTOR, _VECTOR, _MATRIX,
     ),
-    cache=True,
 )  # fmt: skip
 def propagate_implicit(  # type: ignore[no-untyped-def]
     rates, tangent, factorise, solve, a, c, predictor,
@@ -363,12 +362,11 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
     return -1
 
 
-@njit(
+@kernel(
     types.void(
         RATES_POINTER, TANGENT_POINTER, FACTORISE_POINTER, SOLVE_POINTER, _MATRIX, _INT, _FLOAT, _VECTOR,
         _VECTOR, _INTEGERS, _VECTOR, _MATRIX, _VECTOR, _MATRIX, _MATRIX, _MATRIX, _VECTOR, _VECTOR, _VECTOR,
     ),
-    cache=True,
 )  # fmt: skip
 def propagate_columns(  # type: ignore[no-untyped-def]
     rates, tangent, factorise, solve, a, steps, period, parameters, constants, layout, work, kept, state,

@@ -19,9 +19,9 @@ dphase/ds.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
-from pipelines.machine.kernels import RATES_POINTER, TANGENT_POINTER
+from pipelines.machine.kernels import RATES_POINTER, TANGENT_POINTER, kernel
 
 _FLOAT = types.float64
 _INT = types.int64
@@ -36,7 +36,7 @@ PHASE_DIFFERENCE = 1e-3
 _CHUNK = 1024  # values; keeps the running sum of a stage in the first-level cache
 
 
-@njit(types.void(_VECTOR, _VECTOR, _FLOAT, _VECTOR, _INT, _MATRIX), cache=True)
+@kernel(types.void(_VECTOR, _VECTOR, _FLOAT, _VECTOR, _INT, _MATRIX))
 def combine(out, base, factor, weights, count, slopes):  # type: ignore[no-untyped-def]
     """out = base + factor sum_{j < count} weights_j slopes_j."""
     for first in range(0, out.shape[0], _CHUNK):
@@ -53,7 +53,7 @@ def combine(out, base, factor, weights, count, slopes):  # type: ignore[no-untyp
                     part[i] += scaled * slope[i]
 
 
-@njit(types.void(_VECTOR, _FLOAT, _VECTOR), cache=True)
+@kernel(types.void(_VECTOR, _FLOAT, _VECTOR))
 def oscillator_rates(state, frequency, out):  # type: ignore[no-untyped-def]
     """Eq. 17 in the last two entries."""
     n = state.shape[0] - 2
@@ -63,7 +63,7 @@ def oscillator_rates(state, frequency, out):  # type: ignore[no-untyped-def]
     out[n + 1] = -frequency * s1 + s2 - s2 * radius
 
 
-@njit(types.void(_VECTOR, _MATRIX, _FLOAT, _VECTOR, _MATRIX), cache=True)
+@kernel(types.void(_VECTOR, _MATRIX, _FLOAT, _VECTOR, _MATRIX))
 def oscillator_tangent(state, block, frequency, phase_slope, out):  # type: ignore[no-untyped-def]
     """Add df/dphase dphase to the rows of the machine and write the two rows of Eq. 17."""
     n = state.shape[0] - 2
@@ -78,13 +78,13 @@ def oscillator_tangent(state, block, frequency, phase_slope, out):  # type: igno
         out[n + 1, j] = (-frequency - 2.0 * s1 * s2) * d1 + (1.0 - radius - 2.0 * s2 * s2) * d2
 
 
-@njit(types.void(_MATRIX, _INT, _FLOAT, _VECTOR), cache=True)
+@kernel(types.void(_MATRIX, _INT, _FLOAT, _VECTOR))
 def _add_to_column(block, column, factor, vector):  # type: ignore[no-untyped-def]
     for i in range(vector.shape[0]):
         block[i, column] += factor * vector[i]
 
 
-@njit(types.void(_VECTOR, _MATRIX, _VECTOR, _FLOAT, _VECTOR), cache=True)
+@kernel(types.void(_VECTOR, _MATRIX, _VECTOR, _FLOAT, _VECTOR))
 def _accumulate_phase(state, block, gradient, weight, functional):  # type: ignore[no-untyped-def]
     """functional += weight [<gradient, s>, <gradient, y_1>, <gradient, y_2>, ...]."""
     for i in range(state.shape[0]):
@@ -94,7 +94,7 @@ def _accumulate_phase(state, block, gradient, weight, functional):  # type: igno
             functional[1 + j] += scaled * block[i, j]
 
 
-@njit(types.boolean(_VECTOR), cache=True)
+@kernel(types.boolean(_VECTOR))
 def _all_finite(state):  # type: ignore[no-untyped-def]
     total = 0.0
     for i in range(state.shape[0]):
@@ -107,13 +107,12 @@ def workspace_size(size: int, columns: int, stages: int, parameters: int) -> int
     return (stages + 1) * size * (1 + columns) + 3 * size + parameters
 
 
-@njit(
+@kernel(
     types.int64(
         RATES_POINTER, TANGENT_POINTER, _MATRIX, _VECTOR, _VECTOR, _INT, _FLOAT, _FLOAT, _INT,
         _VECTOR, _VECTOR, _INTEGERS, _VECTOR, _VECTOR, _MATRIX, _INTEGERS, _VECTOR, _MATRIX, _MATRIX,
         _VECTOR, _VECTOR,
     ),
-    cache=True,
 )  # fmt: skip
 def propagate(  # type: ignore[no-untyped-def]
     rates, tangent, a, b, c, steps, turn, period, oscillator,

@@ -20,10 +20,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pipelines.machine.film import DISPLACEMENT, DISPLACEMENT_RATE, EXCITATION_FREQUENCY, SPEED
+from pipelines.machine.kernels import kernel
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ BEGIN, LENGTH, OMEGA, ACCELERATION, ANGLE, RING_PHASE, DELTA_FROM, DELTA_TO, RAM
 PIECE_NUMBERS = 10
 
 
-@njit(cache=True)
+@kernel()
 def set_drive(piece, t, parameters):  # type: ignore[no-untyped-def]
     """Put speed, ring displacement and its rate at the time ``t`` since the piece's begin into
     ``parameters``; returns the rings' phase, the rotation angle and the angular acceleration.

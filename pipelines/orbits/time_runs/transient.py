@@ -20,11 +20,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
 from pipelines.machine.film import DISPLACEMENT_RATE, SPEED
-from pipelines.machine.kernels import FACTORISE_POINTER, RATES_POINTER, SOLVE_POINTER
+from pipelines.machine.kernels import FACTORISE_POINTER, RATES_POINTER, SOLVE_POINTER, kernel
 from pipelines.machine.lines import LINE
 from pipelines.machine.unbalance import unbalance_factors
 from pipelines.orbits.integration.implicit import _hermite, _solve_stage, aligned
@@ -61,7 +61,7 @@ class Status(IntEnum):
 STEPS_DONE, SAMPLES_DONE, LIMIT_HIT = range(3)
 
 
-@njit(cache=True)
+@kernel()
 def _watch(observed, limits, running):  # type: ignore[no-untyped-def]
     """Lower the running minima; the first observed value below its limit, or -1."""
     hit = -1
@@ -72,13 +72,12 @@ def _watch(observed, limits, running):  # type: ignore[no-untyped-def]
     return hit
 
 
-@njit(
+@kernel(
     types.int64(
         RATES_POINTER, FACTORISE_POINTER, SOLVE_POINTER, RATES_POINTER, _MATRIX, _VECTOR, _MATRIX,
         _VECTOR, _FLOAT, _INT, _INT, _VECTOR, _VECTOR, _INTEGERS, _VECTOR, _VECTOR, _VECTOR,
         _MATRIX, _INT, _INT, _VECTOR, _VECTOR, _FLOAT, _INT, _MATRIX, _MATRIX, _VECTOR, _INTEGERS,
     ),
-    cache=True,
 )  # fmt: skip
 def integrate(  # type: ignore[no-untyped-def]
     rates, factorise, solve, observe, a, c, predictor,

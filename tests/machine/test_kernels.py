@@ -1,0 +1,73 @@
+"""Compiled functions on the disk are used again only while the sources of all kernels are the same."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from pipelines.machine import kernels, rates
+
+SOURCE = """
+from numba import types
+
+from pipelines.machine.kernels import kernel
+
+
+@kernel()
+def half(x):
+    return 0.5 * x
+
+
+@kernel(types.float64(types.float64))
+def quarter(x):
+    return half(half(x))
+"""
+
+
+def loaded(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("some_kernels", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def hits(module: ModuleType) -> tuple[int, int]:
+    """Loaded and compiled signatures of the eager function."""
+    stats = module.quarter.stats
+    return sum(stats.cache_hits.values()), sum(stats.cache_misses.values())
+
+
+def test_a_change_of_any_source_compiles_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "some_kernels.py"
+    path.write_text(SOURCE)
+    first = loaded(path)
+    assert (first.quarter(8.0), hits(first)) == (2.0, (0, 1))
+    assert hits(loaded(path)) == (1, 0)
+    monkeypatch.setattr(kernels, "source_digest", lambda: "another version")
+    assert hits(loaded(path)) == (0, 1), "the function's own file is the same, that of a callee may not be"
+    assert hits(loaded(path)) == (1, 0)
+
+
+def test_the_digest_is_that_of_every_file_with_kernels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernels, "_PACKAGES", (tmp_path,))
+    digest = kernels.source_digest.__wrapped__
+    (tmp_path / "room").mkdir()
+    (tmp_path / "room" / "a.py").write_text("@kernel()")
+    (tmp_path / "b.py").write_text("PLAIN = 1")
+    known = digest()
+    (tmp_path / "b.py").write_text("PLAIN = 2")
+    assert digest() == known
+    (tmp_path / "room" / "a.py").write_text("@kernel(inline='always')")
+    assert digest() != known
+
+
+def test_numba_still_has_what_the_decorator_changes() -> None:
+    """Where it has not, its own rule holds, and `kernel` needs the new names."""
+    assert rates.machine_rates._cache._cache_file._source_stamp == kernels.source_digest()
