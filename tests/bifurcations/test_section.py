@@ -114,6 +114,7 @@ def forced(formulation: Formulation, kind, state, at: tuple[float, float], angle
     return trace(curves, begin, options)
 
 
+@pytest.mark.slow
 def test_generalised_flips_of_a_tiny_oval() -> None:
     """A closed curve of period doublings of 4e-5 x 7e-6 that starts at R2: the same points in both
     formulations.

@@ -127,6 +127,7 @@ def van_der_pol_branch(
     return problem, trace_torus(problem, start, options), period_map
 
 
+@pytest.mark.slow
 def test_van_der_pol_against_simulation() -> None:
     """Points of a long run lie on every computed torus: P^n(x) = x(theta + n rho); the rotation is that of
     2000 periods and the multiplier that of the decay towards the torus.

@@ -113,6 +113,7 @@ def same_branches(rows: list[tuple[Any, ...]], others: list[tuple[Any, ...]], si
         assert event.parameters[0] == pytest.approx(other.parameters[0], abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trace_branch", [polar_branch, tondl_branch])
 def test_branches_of_cycles(trace_branch: Any) -> None:
     rows = trace_branch((1.0, 1.0))

@@ -292,6 +292,7 @@ def assert_alike(axes, other, tolerance):
         np.testing.assert_allclose(first, second, rtol=0.0, atol=tolerance * np.abs(first).max())
 
 
+@pytest.mark.slow
 def test_turned_end_for_end_a_machine_has_the_same_numbers_in_units(exchanged):
     """All scales are those of the first bearing, which is another one then."""
     linear = [draw_linearization(each.view, each.single["linear"]).axes for each in exchanged]

@@ -22,6 +22,8 @@ from pipelines.stages.reports.verify import verify
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
+pytestmark = pytest.mark.slow
+
 RIGID = (
     "bearings.foil={rigid=true}",
     "continue_cycles.max_points=5",

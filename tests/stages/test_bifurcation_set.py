@@ -20,6 +20,8 @@ from pipelines.stages.reports.operating_range import set_cautions
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
+pytestmark = pytest.mark.slow
+
 WINDOW = (
     "excitation.frequency=0.77",
     "continue_cycles.range=[1.2, 1.24]",
@@ -53,7 +55,6 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_every_bifurcation_of_every_line_is_on_a_curve(searched: Path) -> None:
     """And the Neimark-Sacker and the period-doubling curve of the window are there once."""
     at = job(searched)
@@ -85,7 +86,6 @@ def test_it_says_how_it_covered_the_window(searched: Path) -> None:
     assert found["line_events"].tolist() == events
 
 
-@pytest.mark.slow
 def test_an_interrupted_search_resumes_to_the_same_bytes(searched: Path, tmp_path: Path) -> None:
     path = tmp_path / "a.zarr"
     Watched("continue_cycles", tiny_case(*WINDOW), path)
@@ -153,7 +153,6 @@ def test_nothing_is_searched_without_excitation(tmp_path: Path) -> None:
     assert "without displacement" in result.stop_reason
 
 
-@pytest.mark.slow
 def test_kinds_that_are_not_asked_for_are_not_followed(tmp_path: Path) -> None:
     search = ("kinds=['period_doubling']", "max_rounds=1", "frequencies=0")
     case = tiny_case(*WINDOW, *(f"bifurcation_set.{setting}" for setting in search))
@@ -190,7 +189,6 @@ def test_only_what_bounds_stable_cycles_may_be_followed(tmp_path: Path) -> None:
     assert following.start.origin == starts[1].origin
 
 
-@pytest.mark.slow
 def test_a_curve_that_no_line_meets_starts_where_a_followed_one_crosses_it(tmp_path: Path) -> None:
     """A tongue of period doublings rises over the line of Neimark-Sacker points, which lies above the only
     branch of the search.

@@ -33,6 +33,8 @@ from tests.helpers.prescribed_modes import PrescribedModes, on_paths
 from tests.helpers.tiny import CONFIG, SHARP, TINY, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
+pytestmark = pytest.mark.slow
+
 TOLERANCE = 1e-3
 TRUE = {"bearings.foil.loss_factor": 0.6, "rotor.discs.mass": 0.07}
 WIDE_STEPS = ("continue_cycles.step=0.05", "continue_cycles.maximum_step=0.1")
@@ -111,7 +113,6 @@ def finished(resting: NamedCase, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return path
 
 
-@pytest.mark.slow
 def test_it_finds_the_machine_that_the_targets_were_made_with(resting: NamedCase, finished: Path) -> None:
     found = told(finished, resting)
     assert found.stop_reason == CONVERGED
@@ -146,7 +147,6 @@ def test_the_last_row_confirms_the_found_machine_from_the_lowest_speed(finished:
     np.testing.assert_allclose(rows["onset"][best[0]], rows["onset"][best[1]], rtol=1e-6)
 
 
-@pytest.mark.slow
 def test_interrupted_and_resumed_it_has_the_same_bytes(
     resting: NamedCase, finished: Path, tmp_path: Path
 ) -> None:
@@ -171,7 +171,6 @@ def test_a_finished_one_computes_nothing_and_another_request_is_refused(
         Watched("calibrate", NamedCase.of("smoke", other), finished)
 
 
-@pytest.mark.slow
 def test_a_forced_machine_is_found_through_its_neimark_sacker_point(tmp_path: Path) -> None:
     """One unknown, of the rings."""
     table = """
@@ -219,7 +218,6 @@ value = {values[0]}
     assert 3.2 < (wide - middle) / (middle - narrow) < 4.8
 
 
-@pytest.mark.slow
 def test_a_mass_is_found_through_a_measured_critical_speed(tmp_path: Path) -> None:
     """The critical speed that `agfb criticals` computes of the true machine, in revolutions per minute."""
     true = calibrated("", "rotor.discs.0.mass=0.1")

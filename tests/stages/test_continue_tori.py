@@ -27,6 +27,8 @@ from pipelines.stages.tori.sources import forced_cycles, unbalanced_tori
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
+pytestmark = pytest.mark.slow
+
 COARSE = "numerics.multiplier_tolerance=1e-4"  # half of the time steps
 FEW_ANGLES = (COARSE, "continue_tori.tolerance=1e-4", "continue_tori.max_points=3")
 UNBALANCE = (
@@ -88,7 +90,6 @@ def assert_invariant(rows: Group, index: int, circle: PeriodCircle, period: floa
     assert np.max(np.abs(image - there)) < 1e-9 + 10.0 * rows["tail"][index]
 
 
-@pytest.mark.slow
 def test_rows_of_tori_that_are_born(born: Path) -> None:
     case = tiny_case(*FEW_ANGLES).case
     machine, rows = build_machine(case), tori(born)
@@ -156,7 +157,6 @@ def test_attributes_name_origin_and_end(born: Path) -> None:
     assert verify(born) == []
 
 
-@pytest.mark.slow
 def test_resuming_gives_the_same_bytes(branched: Path, born: Path, tmp_path: Path) -> None:
     path = tmp_path / "stopped.zarr"
     shutil.copytree(branched, path)
@@ -202,7 +202,6 @@ def test_resuming_with_unbalance_gives_the_same_bytes(driven: Path, tmp_path: Pa
     assert compare_trees(driven, path) == []
 
 
-@pytest.mark.slow
 def test_both_directions_begin_with_the_same_torus(driven: Path, tmp_path: Path) -> None:
     path = tmp_path / "both.zarr"
     both = tiny_case(*UNBALANCE, "continue_tori.direction=both", "continue_tori.max_points=1")
@@ -219,7 +218,6 @@ def test_another_unbalance_is_another_branch(driven: Path) -> None:
         Watched("continue_tori", tiny_case(*UNBALANCE, heavier), driven)
 
 
-@pytest.mark.slow
 def test_a_torus_grows_with_its_unbalance(driven: Path) -> None:
     """The way that is taken where the balanced cycle is no good guess ends at the same torus."""
     job = Job.of("continue-tori", tiny_case(*UNBALANCE), driven, lambda _: None, lambda: False)
@@ -265,7 +263,6 @@ def test_a_branch_ends_where_the_film_is_too_thin(branched: Path, born: Path, tm
     np.testing.assert_array_equal(tori(path)["minimum_film"].min(axis=1), films[:1])
 
 
-@pytest.mark.slow
 def test_a_branch_ends_where_its_series_does_not_fall(branched: Path, tmp_path: Path) -> None:
     """With few angles long before the torus locks; the advice names the resonance that is nearest."""
     path = tmp_path / "a.zarr"

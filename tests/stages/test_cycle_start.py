@@ -152,6 +152,7 @@ def test_equal_phases_of_the_rings_only_shift_time() -> None:
     np.testing.assert_array_equal(*states)
 
 
+@pytest.mark.slow
 def test_without_equilibrium_that_is_why_no_whirl_begins() -> None:
     (found,) = started(passive_case("rotor.gravity=1000", "continue_cycles.range=[1.0, 1.2]"))
     assert isinstance(found, NoStart)

@@ -42,6 +42,8 @@ from tests.helpers.tiny import CONFIG, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 from tests.machines import case as reconstruction
 
+pytestmark = pytest.mark.slow
+
 # Neimark-Sacker speed of configs/smoke.toml: 1.2126721 on 96 x 4 and 1.2129437 on 144 x 4, extrapolated with
 # the formal order 2 to 1.21316.
 CONVERGED_SPEED = 1.21316
@@ -116,7 +118,6 @@ def refined(tmp_path_factory: pytest.TempPathFactory, traced: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_the_extrapolated_speed_is_nearer_to_that_of_a_fine_grid(tmp_path: Path) -> None:
     """24 x 2 with 36 x 2, 54 x 2 and 24 x 4: thirty times nearer (68 times was measured), as is claimed."""
     overrides = ("continue_cycles.start=1.19", "continue_cycles.range=[1.19, 1.21]")
@@ -143,7 +144,6 @@ def test_the_extrapolated_speed_is_nearer_to_that_of_a_fine_grid(tmp_path: Path)
     assert np.ptp(group["level_angle"][0]) < 0.01
 
 
-@pytest.mark.slow
 def test_points_of_branches_and_curves(refined: Path) -> None:
     """The event, then of each half its middle: their first points are the event again."""
     group = refinement(refined)
@@ -164,7 +164,6 @@ def test_points_of_branches_and_curves(refined: Path) -> None:
     assert group["excitation_frequency"][1] > 0.7 > group["excitation_frequency"][2]
 
 
-@pytest.mark.slow
 def test_a_refinement_goes_on_with_the_same_bytes(tmp_path: Path, traced: Path, refined: Path) -> None:
     """After more points were asked for, and after an interruption; never again, and never on other grids."""
     path = tmp_path / "a.zarr"

@@ -15,6 +15,8 @@ from tests.helpers.tiny import Watched, tiny_case
 from tests.stages.test_doubled_branches import ACROSS
 from tests.stages.test_slopes import SLOPES
 
+pytestmark = pytest.mark.slow
+
 ADVISED = "{ node = 0, slopes = true }, 2, 3, 6, 9, { node = 12, slopes = true }"
 PLAIN = "0, 2, 3, 6, 9, 12"
 FULL = ", ".join(f"{{ node = {node}, slopes = true }}" for node in range(13))

@@ -21,6 +21,8 @@ from tests.helpers.monodromy import full_monodromy
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
+pytestmark = pytest.mark.slow
+
 # the Neimark-Sacker curve from the branch at excitation frequency 0.77 to R2 near 0.80, and some way back
 PLANE = (
     "excitation.frequency=0.77",
@@ -69,7 +71,6 @@ def joined(tracked: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_every_row_is_a_critical_cycle(joined: Path) -> None:
     case = tiny_case(*PLANE).case
     machine = build_machine(case)
@@ -139,7 +140,6 @@ def test_curves_meet_at_the_resonance(joined: Path) -> None:
     assert {int(forth["unstable_count"][-1]), int(back["unstable_count"][-1])} == {0, 1}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("stops", [[1, 3], [5]])
 def test_resuming_gives_the_same_bytes(
     branched: Path, tracked: Path, tmp_path: Path, stops: list[int]
@@ -175,7 +175,6 @@ def test_a_start_outside_the_plane_is_told(branched: Path, tmp_path: Path) -> No
     assert names(path, "ns") == []
 
 
-@pytest.mark.slow
 def test_more_points_lengthen_a_curve_and_other_requests_are_refused(branched: Path, tmp_path: Path) -> None:
     path = tmp_path / "a.zarr"
     shutil.copytree(branched, path)
@@ -189,7 +188,6 @@ def test_more_points_lengthen_a_curve_and_other_requests_are_refused(branched: P
         Watched("track_ns", tiny_case(*PLANE, "track_curves.step=0.01"), path)
 
 
-@pytest.mark.slow
 def test_a_curve_ends_where_the_journal_touches_the_foil(
     branched: Path, tracked: Path, tmp_path: Path
 ) -> None:
@@ -206,7 +204,6 @@ def test_a_curve_ends_where_the_journal_touches_the_foil(
     np.testing.assert_array_equal(curve(path, "ns/c001")["minimum_film"].min(axis=1), films[:2])
 
 
-@pytest.mark.slow
 def test_normal_forms_and_the_extended_system_are_stored(branched: Path, tmp_path: Path) -> None:
     """Both formulations find the same second point to the tolerance of the test function, 1e-8."""
     points = []

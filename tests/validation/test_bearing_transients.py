@@ -12,6 +12,8 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
 from tests.helpers.tiny import SHARP, Watched, tiny_case
 
+pytestmark = pytest.mark.slow
+
 PERIOD = 2.0 * np.pi / 0.7
 RANGE = (
     "continue_cycles.start=1.0",
@@ -67,7 +69,6 @@ def run_up(store: Path, periods: int) -> float:
     return worst
 
 
-@pytest.mark.slow
 def test_a_slow_run_up_follows_the_cycles(store: Path) -> None:
     """The envelope lags behind in proportion to the acceleration: half of it, half the difference."""
     fast, slow = run_up(store, 80), run_up(store, 160)

@@ -10,6 +10,8 @@ from pipelines.case.settings import Numerics
 
 from .error_table import DEFAULT_GRID, GRIDS, GridErrors, grid_errors, markdown, unknowns
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def errors() -> dict[tuple[int, int], GridErrors]:
@@ -21,7 +23,6 @@ def meets_the_default(row: GridErrors) -> bool:
     return row.concentric <= 0.005 and max(row.rigid_static, row.static_full, row.static_gumbel) <= 0.01
 
 
-@pytest.mark.slow
 def test_printed_table(errors: dict[tuple[int, int], GridErrors]) -> None:
     """error_table.md is what ``python -m tests.validation.error_table`` prints."""
     stored = (Path(__file__).parent / "error_table.md").read_text(encoding="utf-8")

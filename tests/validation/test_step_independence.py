@@ -27,6 +27,8 @@ from tests.bifurcations.curve_runs import trace as trace_curve
 from tests.validation.test_bearing_cycles import COARSE, SMOKE, equilibrium_of
 from tests.validation.test_tondl_curves import POINTS, problem, start_at, trace
 
+pytestmark = pytest.mark.slow
+
 PLANE = ((-0.1, 0.25), (0.4, 4.6))
 # Longest steps and factors of the parameter's scale; with a scale a hundred times smaller steps are so short
 # that one length of them is enough.
@@ -77,7 +79,6 @@ def force(squared: float) -> float:
     return math.sqrt(squared * ((_GROWTH - squared) ** 2 + _DETUNING**2))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("longest", "scale"), WALKS)
 def test_forced_hopf(longest: float, scale: float) -> None:
     """A Neimark-Sacker point and two folds within 0.004 of F, between F = 0.1 and 1."""
@@ -129,7 +130,6 @@ def langford() -> DynamicalSystem:
     return compiled_system(rates, jacobian, 3, ("b",))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("longest", "scale"), WALKS)
 def test_langford(longest: float, scale: float) -> None:
     """The cycles between both Neimark-Sacker points are unstable."""
@@ -150,7 +150,6 @@ def test_langford(longest: float, scale: float) -> None:
 # --- Tondl's system: curves through every verified point ---------------------------------------------------
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "eta"), POINTS)
 def test_tondl_curves(kind: str, eta: float) -> None:
     """Ends and special points are the same for all steps and scales."""
