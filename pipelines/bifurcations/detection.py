@@ -16,11 +16,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from scipy.optimize import brentq
 
+from pipelines.bifurcations.cycles.branch_points import cycle_at_branch_point
 from pipelines.bifurcations.cycles.crossing_cycles import own_doubling, own_pitchfork, passes_own_doubling
 from pipelines.bifurcations.cycles.segment import Segment
 from pipelines.orbits.floquet import Complex, nontrivial
@@ -284,7 +285,10 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
         fraction = _root(segment, kind, cycle_at, options.event_tolerance / segment.length)
         cycle = cycle_at(fraction)
     except _NotConvergedError:
-        return LocationStop.NOT_CONVERGED, None
+        beside = _beside_branch_point(segment, cycles) if kind is EventKind.BRANCH_POINT else None
+        if beside is None:
+            return LocationStop.NOT_CONVERGED, None
+        fraction, cycle = beside
     critical = critical_multiplier(kind, cycle.spectrum.multipliers, autonomous)
     if critical is None:
         return LocationStop.NEUTRAL_SADDLE, None
@@ -309,6 +313,26 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
         steps=cycle.steps,
         direction=segment.direction(fraction),
     )
+
+
+def _beside_branch_point(segment: Segment, cycles: dict[float, Cycle]) -> tuple[float, Cycle] | None:
+    """The branch point of a segment, from cycles at some distance of it; ``cycles``: some that are known."""
+    autonomous = segment.problem.period_map.autonomous
+
+    def beyond_one(multipliers: Complex) -> float:
+        critical = critical_multiplier(EventKind.BRANCH_POINT, multipliers, autonomous)
+        assert critical is not None
+        return critical.real - 1.0
+
+    values = {0.0: beyond_one(segment.start_multipliers), 1.0: beyond_one(segment.end.spectrum.multipliers)}
+    values |= {fraction: beyond_one(cycle.spectrum.multipliers) for fraction, cycle in cycles.items()}
+    known = sorted(values.items())
+    for low, high in pairwise(known):
+        if low[1] * high[1] < 0.0:
+            return cycle_at_branch_point(
+                segment, lambda cycle: beyond_one(cycle.spectrum.multipliers), (low, high)
+            )
+    return None
 
 
 def _locate_birth(segment: Segment, kind: EventKind) -> tuple[LocationStop, Event | None]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipelines.bifurcations import detection
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchStop, ContinuationOptions
 from pipelines.bifurcations.detection import Event, EventKind
@@ -35,7 +36,7 @@ def branch(
     return points, events
 
 
-def unknown_period(power: int) -> tuple[CycleProblem, Event]:
+def unknown_period(power: int, within: float = 1e-8) -> tuple[CycleProblem, Event]:
     """The branch u = 0 and the point where the other one crosses it."""
     period_map = PeriodMap(crossing_cycles(power), DOPRI8, Formulation.AUTONOMOUS, samples=32)
     problem = CycleProblem(replace(period_map, minimum_steps=64), np.array([0.0, SHIFT]), "lambda")
@@ -43,7 +44,7 @@ def unknown_period(power: int) -> tuple[CycleProblem, Event]:
     _, events = branch(problem, begin, ContinuationOptions((-0.21, 0.1), maximum_step=0.1))
     (event,) = events
     assert event.kind is EventKind.BRANCH_POINT
-    assert abs(event.parameters[0]) < 1e-8
+    assert abs(event.parameters[0]) < within
     return problem, event
 
 
@@ -195,3 +196,20 @@ def test_where_a_small_branch_was_born(width: float, scale: float) -> None:
     # to 1e-8 in the multiplier, whose slope is 2 width
     places = sorted(event.parameters[0] for event in events)
     assert places == pytest.approx([-width, width], rel=0, abs=0.5e-8 / width)
+
+
+@pytest.mark.parametrize("power", [1, 2])
+def test_a_branch_point_between_cycles_beside_it(power: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the branch point itself the corrector may fail: there it has no unique solution."""
+
+    def fails(*arguments: object) -> float:
+        raise detection._NotConvergedError
+
+    monkeypatch.setattr(detection, "_root", fails)
+    problem, event = unknown_period(power, within=1e-6)  # of the corrector's error over mu - 1
+    assert event.residual < 1e-6
+    assert event.state == pytest.approx([1.0, 0.0, 0.0], abs=1e-7)
+    assert event.period == pytest.approx(2.0 * math.pi, abs=1e-7)
+    new = crossing_branch(problem, event, 0.1)
+    assert new is not None
+    assert new.start.state[2] == pytest.approx(0.1, rel=0.02)

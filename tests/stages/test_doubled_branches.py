@@ -117,3 +117,24 @@ def test_resuming_gives_the_same_bytes(doubled: Path, tmp_path: Path, stop: int)
     assert compare_trees(doubled, path) == []
     assert verify(path) == []
     assert Watched("continue_cycles", tiny_case(*ACROSS), path).told == []
+
+
+@pytest.mark.slow
+def test_a_branch_of_a_symmetric_machine_passes_its_pitchfork(tmp_path: Path) -> None:
+    """Where the doubled cycles lose the symmetry of both bearings the corrector has no unique solution."""
+    path = tmp_path / "a.zarr"
+    beyond = (
+        "continue_cycles.range=[0.82, 0.875]",
+        "continue_cycles.start=0.82",
+        "continue_cycles.maximum_step=0.04",
+        "continue_cycles.max_points=20",
+    )
+    result = Watched("continue_cycles", tiny_case(*ACROSS, *beyond), path).result
+    assert result.ok
+    rows = branch(path, "d000")
+    assert rows.attributes["stop_reason"] == "range"
+    assert rows.labels("event_kind").tolist() == ["branch_point"]
+    assert rows["event_excitation_frequency"] == pytest.approx([0.863587], abs=1e-5)
+    assert rows["unstable_count"].tolist().count(0) > 0, "stable beyond it"
+    film = rows["minimum_film"]
+    assert film[:, 0] == pytest.approx(film[:, 1], abs=1e-4), "both bearings move alike on both sides"
