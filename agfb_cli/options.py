@@ -50,10 +50,7 @@ Assignments = Annotated[
 CasePattern = Annotated[
     str | None,
     typer.Option(
-        "--case",
-        metavar="GLOB",
-        help="Only the cases whose name matches.",
-        autocompletion=completion.cases,
+        "--case", metavar="GLOB", help="Only the cases whose name matches.", autocompletion=completion.cases
     ),
 ]
 DryRun = Annotated[

@@ -69,12 +69,7 @@ MUTATING_METHODS = {
     "clear",
     "update",
     "setdefault",
-} | {
-    "add",
-    "discard",
-    "sort",
-    "reverse",
-}
+} | {"add", "discard", "sort", "reverse"}
 
 MODULES = sorted([*(ROOT / "pipelines").rglob("*.py"), *(ROOT / "agfb_cli").rglob("*.py")])
 PARSED = {path: ast.parse(path.read_text(encoding="utf-8"), filename=str(path)) for path in MODULES}

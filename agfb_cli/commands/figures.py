@@ -38,10 +38,7 @@ Formats = Annotated[
 Kinds = Annotated[
     list[str] | None,
     typer.Option(
-        "--figure",
-        metavar="NAME",
-        help="Only this kind of figure. Repeatable.",
-        autocompletion=figure_kinds,
+        "--figure", metavar="NAME", help="Only this kind of figure. Repeatable.", autocompletion=figure_kinds
     ),
 ]
 

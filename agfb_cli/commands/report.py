@@ -20,11 +20,7 @@ if TYPE_CHECKING:
     from pipelines.stages.reports.operating_range import Best, OperatingRange, Stretch
 
 Scales = Mapping[str, float]
-BIFURCATIONS = {
-    "fold": "fold",
-    "period_doubling": "period doubling",
-    "neimark_sacker": "Neimark-Sacker",
-}
+BIFURCATIONS = {"fold": "fold", "period_doubling": "period doubling", "neimark_sacker": "Neimark-Sacker"}
 CURVES = ("pd", "ns", "folds")
 
 

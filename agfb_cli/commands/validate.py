@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase, Problem
 
 Configs = Annotated[
-    list[Path],
-    typer.Argument(metavar="CONFIG", help="TOML files to check.", autocompletion=configurations),
+    list[Path], typer.Argument(metavar="CONFIG", help="TOML files to check.", autocompletion=configurations)
 ]
 
 

@@ -72,12 +72,7 @@ def hermite_weights(fraction: float, length: float) -> tuple[float, float, float
 def hermite_slopes(fraction: float, length: float) -> tuple[float, float, float, float]:
     """Derivatives of these weights by arclength."""
     t = fraction
-    return (
-        (6 * t**2 - 6 * t) / length,
-        3 * t**2 - 4 * t + 1,
-        (6 * t - 6 * t**2) / length,
-        3 * t**2 - 2 * t,
-    )
+    return ((6 * t**2 - 6 * t) / length, 3 * t**2 - 4 * t + 1, (6 * t - 6 * t**2) / length, 3 * t**2 - 2 * t)
 
 
 def adapted_length(step: float, iterations: int, target: int, shortest: float, longest: float) -> float:

@@ -53,11 +53,7 @@ from pipelines.bifurcations.curves.segment import (
 from pipelines.bifurcations.curves.stored_curves import TracedCurve
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
-from pipelines.bifurcations.plane import (
-    CurveProblem,
-    PlaneMetric,
-    Position,
-)
+from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import reference_of
 from pipelines.orbits.system import Vector

@@ -10,11 +10,7 @@ import numpy as np
 
 from pipelines.bifurcations.detection import EventKind
 from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, PhaseReference
-from pipelines.orbits.shooting import (
-    CycleProblem,
-    ShootingOptions,
-    Unknowns,
-)
+from pipelines.orbits.shooting import CycleProblem, ShootingOptions, Unknowns
 from pipelines.orbits.system import Matrix, Vector
 from pipelines.orbits.vectors import Combination, Metric
 

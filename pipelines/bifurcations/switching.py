@@ -185,11 +185,7 @@ def doubled_map(period_map: PeriodMap) -> PeriodMap:
     steps = None if period_map.steps_per_period is None else 2 * period_map.steps_per_period
     minimum = period_map.minimum_steps * 2 if turns == period_map.turns else period_map.minimum_steps
     return replace(
-        period_map,
-        turns=turns,
-        samples=2 * period_map.samples,
-        steps_per_period=steps,
-        minimum_steps=minimum,
+        period_map, turns=turns, samples=2 * period_map.samples, steps_per_period=steps, minimum_steps=minimum
     )
 
 

@@ -38,12 +38,7 @@ class TrackCurves(Table):
     )
     step: float = quantity("first arclength step", "1", 0.02, above=0, at_most=LONGEST_STEP, because=STEPS)
     minimum_step: float = quantity(
-        "a curve ends when a step would be shorter",
-        "1",
-        1e-6,
-        above=0,
-        at_most=LONGEST_STEP,
-        because=STEPS,
+        "a curve ends when a step would be shorter", "1", 1e-6, above=0, at_most=LONGEST_STEP, because=STEPS
     )
     maximum_step: float = quantity(
         "longest arclength step", "1", 0.05, above=0, at_most=LONGEST_STEP, because=STEPS

@@ -280,8 +280,7 @@ class ContinueCycles(Table):
         because="every doubling doubles the cost of a point",
     )
     direction: Literal["up", "down", "both"] = choice(
-        "direction of the parameter at the start; self-excited whirl leaves its Hopf point where it can",
-        "up",
+        "direction of the parameter at the start; self-excited whirl leaves its Hopf point where it can", "up"
     )
 
     _range = field_validator("range")(parameter_range)

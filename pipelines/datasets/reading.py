@@ -132,11 +132,7 @@ def describe(store: Store | Path | str) -> dict[str, Any]:
 def _describe_case(store: Store, case: str) -> dict[str, Any]:
     groups = {group.split("/", 2)[2]: _describe_group(store, group) for group in list_groups(store, case)}
     attributes = case_attributes(store, case)
-    return {
-        "name": attributes.get("name", case),
-        "groups": groups,
-        "failures": attributes.get(FAILURES, {}),
-    }
+    return {"name": attributes.get("name", case), "groups": groups, "failures": attributes.get(FAILURES, {})}
 
 
 _TOLD = ("condensation_error", "caution")  # by `agfb criticals`

@@ -277,11 +277,7 @@ CRITICALS = GroupSpec(
         ),
         _real("unbalance_speed", "unbalance", "speeds of the unbalance response"),
         _count("response_node", "response", "node at which the unbalance response is taken"),
-        _real(
-            "unbalance_full",
-            "unbalance response",
-            f"unbalance response amplitude {FIRST}, full rotor",
-        ),
+        _real("unbalance_full", "unbalance response", f"unbalance response amplitude {FIRST}, full rotor"),
         _real(
             "unbalance_condensed",
             "unbalance response",
@@ -307,18 +303,12 @@ CYCLES = GroupSpec(
         _real("orbit", "point sample coordinate", f"orbit of the master nodes {ROTOR}"),
         *_extremes("the period"),
         _real(
-            "minimum_film_trace",
-            "point sample bearing",
-            f"smallest film thickness along the period, {OWN}",
+            "minimum_film_trace", "point sample bearing", f"smallest film thickness along the period, {OWN}"
         ),
         _real(
             "film_pressure", "point snapshot bearing theta", "axial mean of the film pressure over ambient"
         ),
-        _real(
-            "foil_displacement",
-            "point snapshot bearing theta",
-            f"foil displacement {OWN}, ring included",
-        ),
+        _real("foil_displacement", "point snapshot bearing theta", f"foil displacement {OWN}, ring included"),
         _real("film_thickness", "point snapshot bearing theta", f"film thickness {OWN}"),
         _flag(
             "unexplained",
@@ -459,9 +449,7 @@ CURVE = GroupSpec(
         _real("kappa", "point", "cosine of the argument of the critical multiplier"),
         _real("kappa_slope", "point", "d kappa / d(arclength)"),
         _real(
-            "special_tests",
-            "point special",
-            "test functions of the special points, ordered as event_kind",
+            "special_tests", "point special", "test functions of the special points, ordered as event_kind"
         ),
         _complex("multipliers", "point multiplier", "slow Floquet multipliers, largest first", padded=True),
         _real("multiplier_residual", "point multiplier", "norm of M v - mu v for unit v", padded=True),
@@ -678,11 +666,7 @@ TRANSIENT = GroupSpec(
         _real("ring_displacement", "sample", f"largest vertical displacement of the ring {RING}"),
         _real("displacement", "sample coordinate", f"displacement of the master nodes {ROTOR}"),
         _real("journal", "sample bearing axis", f"journal centre (x, y) {OWN}"),
-        _real(
-            "minimum_film",
-            "sample bearing",
-            f"smallest film thickness since the sample before, {OWN}",
-        ),
+        _real("minimum_film", "sample bearing", f"smallest film thickness since the sample before, {OWN}"),
         _real(
             "minimum_pressure",
             "sample bearing",
@@ -693,16 +677,8 @@ TRANSIENT = GroupSpec(
             "sample bearing",
             "largest film pressure since the sample before, over ambient",
         ),
-        _real(
-            "minimum_foil",
-            "sample bearing",
-            f"smallest foil displacement since the sample before, {OWN}",
-        ),
-        _real(
-            "maximum_foil",
-            "sample bearing",
-            f"largest foil displacement since the sample before, {OWN}",
-        ),
+        _real("minimum_foil", "sample bearing", f"smallest foil displacement since the sample before, {OWN}"),
+        _real("maximum_foil", "sample bearing", f"largest foil displacement since the sample before, {OWN}"),
         _real("checkpoint_time", "checkpoint", "time of the checkpoint, dimensionless"),
         _real("checkpoint_step", "checkpoint", "time steps done at the checkpoint"),
         _count("checkpoint_samples", "checkpoint", "samples written at the checkpoint"),
@@ -737,16 +713,8 @@ TRANSIENT_ANALYSIS = GroupSpec(
     (
         _real("window_time", "window", "time in the middle of the window, dimensionless"),
         _real("window_speed", "window", "rotating speed in the middle of the window, dimensionless"),
-        _real(
-            "envelope_low",
-            "window bearing axis",
-            f"smallest journal coordinate in the window, {OWN}",
-        ),
-        _real(
-            "envelope_high",
-            "window bearing axis",
-            f"largest journal coordinate in the window, {OWN}",
-        ),
+        _real("envelope_low", "window bearing axis", f"smallest journal coordinate in the window, {OWN}"),
+        _real("envelope_high", "window bearing axis", f"largest journal coordinate in the window, {OWN}"),
         _real("mode_frequency", "mode", "frequency of the modes of the free condensed rotor at rest"),
         _count("mode_multiplicity", "mode", "shapes of this frequency, which count together"),
         _real(
@@ -761,18 +729,10 @@ TRANSIENT_ANALYSIS = GroupSpec(
         ),
         _real("ring_section_time", "ring_section", "times at which the rings begin a period"),
         _real("ring_section_speed", "ring_section", "rotating speed there, dimensionless"),
-        _real(
-            "ring_section_journal",
-            "ring_section bearing axis",
-            f"journal centre there {OWN}",
-        ),
+        _real("ring_section_journal", "ring_section bearing axis", f"journal centre there {OWN}"),
         _real("rotation_section_time", "rotation_section", "times at which the rotor begins a turn"),
         _real("rotation_section_speed", "rotation_section", "rotating speed there, dimensionless"),
-        _real(
-            "rotation_section_journal",
-            "rotation_section bearing axis",
-            f"journal centre there {OWN}",
-        ),
+        _real("rotation_section_journal", "rotation_section bearing axis", f"journal centre there {OWN}"),
         _real("frequency", "frequency", "frequency of the spectrum, dimensionless"),
         _real(
             "spectrum",
@@ -783,9 +743,7 @@ TRANSIENT_ANALYSIS = GroupSpec(
         _real("piece_speed", "piece", "rotating speed in the middle of the piece, dimensionless"),
         _real("piece_frequency", "piece_frequency", "frequency of the waterfall, dimensionless"),
         _real(
-            "waterfall",
-            "piece piece_frequency bearing axis",
-            f"amplitude of the journal in the piece, {OWN}",
+            "waterfall", "piece piece_frequency bearing axis", f"amplitude of the journal in the piece, {OWN}"
         ),
         _flag(
             "motion",

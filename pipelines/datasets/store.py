@@ -16,13 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.case.identity import differences
-from pipelines.datasets.durable import (
-    about,
-    make_folder,
-    replace_file,
-    sweep_partials,
-    sync_folder,
-)
+from pipelines.datasets.durable import about, make_folder, replace_file, sweep_partials, sync_folder
 from pipelines.datasets.errors import (
     CorruptedError,
     ForeignStoreError,

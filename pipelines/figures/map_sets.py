@@ -58,11 +58,7 @@ def draw_map_sets(overlays: Sequence[Overlay], title: str) -> Figure:
         ranges = [overlay.view.ranges[name] for overlay in overlays]
         limit(min(low for low, _ in ranges), max(high for _, high in ranges))
     axes.set(xlabel=PARAMETER_AXES[first.x].label, ylabel=PARAMETER_AXES[first.y].label)
-    handles = [
-        *_draw_cases(axes, overlays),
-        *_kinds_legend(overlays),
-        *_draw_passive_speeds(axes, overlays),
-    ]
+    handles = [*_draw_cases(axes, overlays), *_kinds_legend(overlays), *_draw_passive_speeds(axes, overlays)]
     top = axes
     criticals = _common_criticals(overlays)
     if criticals is not None and (strip := draw_resonances(axes, criticals)) is not None:

@@ -113,11 +113,7 @@ def _draw_unrolled(
 
 
 def _draw_moduli(
-    axes: Axes,
-    multipliers: NDArray[np.complex128],
-    along: NDArray[np.float64],
-    branch: Table,
-    parameter: str,
+    axes: Axes, multipliers: NDArray[np.complex128], along: NDArray[np.float64], branch: Table, parameter: str
 ) -> None:
     moduli = np.abs(multipliers)
     oscillating = np.abs(multipliers.imag) > 1e-9 * moduli

@@ -14,13 +14,7 @@ from numpy.typing import NDArray
 from pipelines.figures import style
 from pipelines.figures.axes import add_right, add_top, clearance_circle, limits, seconds
 from pipelines.figures.contents import CaseView
-from pipelines.figures.runs import (
-    AXIS_COLOURS,
-    AXIS_LABELS,
-    RunView,
-    bearing_title,
-    label_along,
-)
+from pipelines.figures.runs import AXIS_COLOURS, AXIS_LABELS, RunView, bearing_title, label_along
 
 VERTICAL = 1
 DECADES = 4.0  # below the largest amplitude

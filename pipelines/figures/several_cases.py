@@ -15,10 +15,7 @@ from pipelines.figures.stability_map import PlaneView, map_stem, same_plane
 
 # Figure of several cases: kinds of groups that it needs.
 JOINT_KINDS: Mapping[str, Collection[str]] = MappingProxyType(
-    {
-        "sets": ("curve", "criticals", "bifurcation_set"),
-        "envelopes": (RUNS, "transient", "cycles"),
-    }
+    {"sets": ("curve", "criticals", "bifurcation_set"), "envelopes": (RUNS, "transient", "cycles")}
 )
 ORDER = ("foil_stiffness", "displacement", "excitation_frequency", "speed")  # of the cases in a figure
 MOST_SETS = 8  # colours that are told apart

@@ -86,12 +86,7 @@ def deterministic_block(size: int, columns: int, first: int = 0) -> Matrix:
 
 
 def starting_basis(
-    period_map: PeriodMap,
-    state: Vector,
-    parameters: Vector,
-    period: float,
-    steps: int,
-    options: BasisOptions,
+    period_map: PeriodMap, state: Vector, parameters: Vector, period: float, steps: int, options: BasisOptions
 ) -> Matrix:
     """A slow basis from nothing: subspace iteration on a fixed block, enlarged until the smallest multiplier
     is below the cut.  The identity, and so the plain Newton method, when the system is no larger than the

@@ -27,7 +27,7 @@ NAMES = {
     "branch_point_ratio": {"branch_point_ratio"},
     "full_monodromy_ratio": {"full_monodromy_ratio", "cycle_correction"},
     "backward_error_ratio": {
-        *("backward_error_ratio", "backward_error_ratio_unclipped", "backward_error", "default_error"),
+        *("backward_error_ratio", "backward_error_ratio_unclipped", "backward_error", "default_error")
     },
     "growth_exponent": {"growth_exponent", "branch_point_12x2", "branch_point_16x2"},
     "curve_point_ratio": {"curve_point_ratio", "curve_point_ratio_normal_form"},

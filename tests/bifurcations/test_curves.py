@@ -166,8 +166,7 @@ def test_two_critical_events_at_once(name: str, kind, second: float, expected: S
 
 
 @pytest.mark.parametrize(
-    ("second", "expected"),
-    [(0.7, SpecialKind.FOLD_NEIMARK_SACKER), (-1.3, SpecialKind.FLIP_NEIMARK_SACKER)],
+    ("second", "expected"), [(0.7, SpecialKind.FOLD_NEIMARK_SACKER), (-1.3, SpecialKind.FLIP_NEIMARK_SACKER)]
 )
 def test_a_real_multiplier_crosses_on_a_neimark_sacker_curve(second: float, expected: SpecialKind) -> None:
     problem = map_problem(rotation_map(), NS, (0, 1.2, -0.5, 0, 0.8), ("t", "m"))

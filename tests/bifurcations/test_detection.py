@@ -260,13 +260,7 @@ def two_growing_pairs() -> DynamicalSystem:
 def test_two_pairs_leaving_in_one_step_are_both_found() -> None:
     """Steps of 0.1 jump over both: the unexplained change by four shortens the step."""
     points, events = trace(
-        two_growing_pairs(),
-        [2.0, 0.0],
-        "growth",
-        [0, 0, 0, 0],
-        (-0.25, 0.25),
-        step=0.1,
-        maximum_step=0.1,
+        two_growing_pairs(), [2.0, 0.0], "growth", [0, 0, 0, 0], (-0.25, 0.25), step=0.1, maximum_step=0.1
     )
     assert [event.kind for event in events] == [EventKind.NEIMARK_SACKER] * 2
     assert np.allclose([event.parameters[1] for event in events], [0.0, 0.004], rtol=0, atol=1e-9)

@@ -11,12 +11,7 @@ import pytest
 from pipelines.bifurcations.tori.circle_map import PeriodCircle
 from pipelines.bifurcations.tori.fourier import angles, shift_matrix
 from pipelines.bifurcations.tori.invariant_curve import TorusCorrection, correct_on_angles, correct_torus
-from pipelines.bifurcations.tori.problem import (
-    FourierOptions,
-    TorusProblem,
-    TorusUnknowns,
-    fixed_parameter,
-)
+from pipelines.bifurcations.tori.problem import FourierOptions, TorusProblem, TorusUnknowns, fixed_parameter
 from pipelines.bifurcations.tori.slow_bases import constant_bases
 from pipelines.bifurcations.tori.stability import torus_spectrum
 from pipelines.bifurcations.tori.start import torus_around

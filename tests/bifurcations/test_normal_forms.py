@@ -80,8 +80,7 @@ def test_neimark_sacker_of_the_delayed_logistic_map() -> None:
 def test_fold() -> None:
     half = math.sqrt(0.1)
     form = form_of(
-        map_problem(cusp_map(), FOLD, (0, 0), ("m", "n")),
-        start([half, 1.25 * half], (-2.0 * half**3, 0.3)),
+        map_problem(cusp_map(), FOLD, (0, 0), ("m", "n")), start([half, 1.25 * half], (-2.0 * half**3, 0.3))
     )
     # q = (1, 1.25)/n, p.q = 1
     assert abs(form.coefficient) == pytest.approx(3.0 * half / math.hypot(1.0, 1.25), abs=1e-9)

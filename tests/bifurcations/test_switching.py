@@ -14,11 +14,7 @@ from pipelines.bifurcations.curve import CurveOptions, CurveStop
 from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.curves.stored_curves import TracedCurve
 from pipelines.bifurcations.detection import Event, EventKind
-from pipelines.bifurcations.switching import (
-    curve_from_event,
-    doubled_branch,
-    doubled_map,
-)
+from pipelines.bifurcations.switching import curve_from_event, doubled_branch, doubled_map
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8

@@ -59,14 +59,7 @@ ONE_PROBLEM = [
     (25, "node = 40", 25, "bearings.1.node", "node 40 is not on the shaft, whose nodes are 0 to 4", ""),
     (25, "node = 0", 25, "bearings.1.node", "both bearings stand on this node", ""),
     (25, "", 24, "bearings.1.node", "is missing", ""),
-    (
-        20,
-        "clearance = -20.4e-6",
-        20,
-        "bearings.0.clearance",
-        "must be >= 1e-07: thinner is no gas film",
-        "",
-    ),
+    (20, "clearance = -20.4e-6", 20, "bearings.0.clearance", "must be >= 1e-07: thinner is no gas film", ""),
     (
         20,
         "clearance = 0.0204",
@@ -114,10 +107,7 @@ ONE_PROBLEM = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("line", "replacement", "at", "key", "message", "suggestion"),
-    ONE_PROBLEM,
-)
+@pytest.mark.parametrize(("line", "replacement", "at", "key", "message", "suggestion"), ONE_PROBLEM)
 def test_one_wrong_key_is_one_problem_at_its_line(problems, line, replacement, at, key, message, suggestion):
     found = problems((line, replacement))
     assert len(found) == 1, "\n".join(map(str, found))

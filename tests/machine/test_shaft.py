@@ -10,12 +10,7 @@ import pytest
 from scipy import linalg
 
 from pipelines.case.models import Disc, Element, Material, Rotor
-from pipelines.machine.shaft import (
-    assemble_rotor,
-    cowper_shear_coefficient,
-    disc_matrices,
-    element_matrices,
-)
+from pipelines.machine.shaft import assemble_rotor, cowper_shear_coefficient, disc_matrices, element_matrices
 
 ROSS = json.loads((Path(__file__).parents[1] / "reference" / "ross_elements.json").read_text())
 STEEL = Material(young_modulus=206e9, density=7850.0, poisson_ratio=0.3)

@@ -281,10 +281,7 @@ def test_a_closing_row_is_relative_to_its_terms() -> None:
 def test_an_exact_cycle_of_any_amplitude_is_one(size: float) -> None:
     """z' = (mu + i) z - z |z|^2/K^2 with |z| = K sqrt(mu) and T = 2 pi."""
     system = ode_system(
-        lambda phase, s, p: [
-            (p[0] - s @ s / size**2) * s[0] - s[1],
-            (p[0] - s @ s / size**2) * s[1] + s[0],
-        ],
+        lambda phase, s, p: [(p[0] - s @ s / size**2) * s[0] - s[1], (p[0] - s @ s / size**2) * s[1] + s[0]],
         lambda phase, s, p: [
             [p[0] - (3 * s[0] ** 2 + s[1] ** 2) / size**2, -1 - 2 * s[0] * s[1] / size**2],
             [1 - 2 * s[0] * s[1] / size**2, p[0] - (s[0] ** 2 + 3 * s[1] ** 2) / size**2],

@@ -21,14 +21,7 @@ from pipelines.bifurcations.detection import Event
 from pipelines.case.reading import read_cases
 from pipelines.machine.assembly import build_machine
 from pipelines.orbits.period_map import PeriodMap
-from pipelines.orbits.shooting import (
-    Cycle,
-    CycleProblem,
-    NewtonStop,
-    Unknowns,
-    correct,
-    first_basis,
-)
+from pipelines.orbits.shooting import Cycle, CycleProblem, NewtonStop, Unknowns, correct, first_basis
 from pipelines.orbits.steppers import BUTCHER6, DOPRI8, RK4, Stepper
 from pipelines.orbits.system import DynamicalSystem, ode_system
 from pipelines.orbits.time_steps import first_steps, following_steps, step_demand

@@ -44,10 +44,7 @@ ELEMENTS = {
 }
 
 # name: mass [kg], diametral and polar inertia [kg m2]
-DISCS = {
-    "thin": (0.079, 2.85e-5, 5.70e-5),
-    "long": (12.0, 0.4, 0.1),
-}
+DISCS = {"thin": (0.079, 2.85e-5, 5.70e-5), "long": (12.0, 0.4, 0.1)}
 
 
 def ross_material(name: str) -> ross.Material:

@@ -45,11 +45,7 @@ def hopf_speed(case: Case) -> float:
         (["bearings.foil.loss_factor=2e-6", 'numerics.stepper="rk4"'], NoStart),
         # who asks for a number of steps gets them, however many or few
         (
-            [
-                "bearings.foil.loss_factor=2e-6",
-                'numerics.stepper="rk4"',
-                "numerics.steps_per_period=5000000",
-            ],
+            ["bearings.foil.loss_factor=2e-6", 'numerics.stepper="rk4"', "numerics.steps_per_period=5000000"],
             FirstCycle,
         ),
         (["bearings.foil.loss_factor=2e-6"], FirstCycle),

@@ -38,14 +38,7 @@ from pipelines.orbits.equilibria.linear import Instability, at_speed, linear_poi
 from pipelines.orbits.hopf_start import start_at_hopf
 from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.period_map import Formulation, PeriodMap
-from pipelines.orbits.shooting import (
-    Cycle,
-    CycleProblem,
-    Unknowns,
-    correct,
-    first_basis,
-    reference_of,
-)
+from pipelines.orbits.shooting import Cycle, CycleProblem, Unknowns, correct, first_basis, reference_of
 from pipelines.orbits.steppers import DOPRI8, ESDIRK5
 from pipelines.orbits.time_steps import first_steps, step_demand
 from pipelines.stages.cycles.problem import cycle_problem

@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 
 from pipelines.machine.bearing import pack_bearing
-from pipelines.machine.film_force import (
-    positive_moments,
-    regularised_integrals,
-    regularised_positive_part,
-)
+from pipelines.machine.film_force import positive_moments, regularised_integrals, regularised_positive_part
 
 from .error_table import DEFAULT_GRID, moderate_rows, rigid_static_error, static_forces
 from .films import Film, film, observed_order, reference_table, relative

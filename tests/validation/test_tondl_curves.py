@@ -179,9 +179,7 @@ def neimark_sacker_arcs() -> dict[float, list[tuple[CurveStop, list[SpecialPoint
 
 
 @pytest.mark.slow
-def test_special_points(
-    neimark_sacker_arcs: dict[float, list[tuple[CurveStop, list[SpecialPoint]]]],
-) -> None:
+def test_special_points(neimark_sacker_arcs: dict[float, list[tuple[CurveStop, list[SpecialPoint]]]]) -> None:
     found = [special for arc in neimark_sacker_arcs.values() for _, specials in arc for special in specials]
     for row in SPECIAL:
         same = [
@@ -213,11 +211,7 @@ def test_neimark_sacker_arcs_end_at_resonances(
 @pytest.mark.parametrize("direction", [1, -1])
 def test_oval_is_traced_once(direction: int) -> None:
     result, points, specials = trace(
-        problem("PD"),
-        start_at("PD", 2.5),
-        EVERYWHERE,
-        direction=direction,
-        normal_form=NormalFormOptions(),
+        problem("PD"), start_at("PD", 2.5), EVERYWHERE, direction=direction, normal_form=NormalFormOptions()
     )
     assert result.stop is CurveStop.CLOSED
     assert np.allclose(points[-1].parameters, points[0].parameters, rtol=0, atol=1e-10)

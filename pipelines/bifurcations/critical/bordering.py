@@ -14,14 +14,10 @@ from pipelines.bifurcations.critical.critical_cycles import (
     with_period,
 )
 from pipelines.bifurcations.critical.critical_pair import invariant_plane
-from pipelines.bifurcations.critical.cycle_manifold import (
-    linearise,
-)
+from pipelines.bifurcations.critical.cycle_manifold import linearise
 from pipelines.bifurcations.critical.testfunctions import critical_matrix
 from pipelines.bifurcations.detection import EventKind
-from pipelines.bifurcations.plane import (
-    MapAt,
-)
+from pipelines.bifurcations.plane import MapAt
 from pipelines.orbits.floquet import Complex, nontrivial, orthonormal
 from pipelines.orbits.system import Matrix
 

@@ -4,24 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipelines.bifurcations.critical.critical_cycles import (
-    Critical,
-)
-from pipelines.bifurcations.critical.cycle_manifold import (
-    SurfaceLinearisation,
-)
-from pipelines.bifurcations.plane import (
-    CurveProblem,
-    MapAt,
-    PlaneMetric,
-    Position,
-)
+from pipelines.bifurcations.critical.critical_cycles import Critical
+from pipelines.bifurcations.critical.cycle_manifold import SurfaceLinearisation
+from pipelines.bifurcations.plane import CurveProblem, MapAt, PlaneMetric, Position
 from pipelines.orbits.floquet import orthonormal
-from pipelines.orbits.shooting import (
-    NewtonStop,
-    advice_of,
-    is_rounding,
-)
+from pipelines.orbits.shooting import NewtonStop, advice_of, is_rounding
 from pipelines.orbits.system import Matrix
 from pipelines.orbits.vectors import Constraint
 

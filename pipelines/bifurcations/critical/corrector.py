@@ -34,25 +34,13 @@ from pipelines.bifurcations.critical.critical_cycles import (
     critical_pass,
     swept_pass,
 )
-from pipelines.bifurcations.critical.cycle_manifold import (
-    SurfaceLinearisation,
-    SurfaceStep,
-    surface_step,
-)
+from pipelines.bifurcations.critical.cycle_manifold import SurfaceLinearisation, SurfaceStep, surface_step
 from pipelines.bifurcations.critical.extended_system import correct_extended
 from pipelines.bifurcations.critical.testfunctions import critical_of
-from pipelines.bifurcations.plane import (
-    CurveFormulation,
-    CurveProblem,
-    MapAt,
-    PlaneMetric,
-    Position,
-)
+from pipelines.bifurcations.plane import CurveFormulation, CurveProblem, MapAt, PlaneMetric, Position
 from pipelines.orbits.floquet import floquet_spectrum
 from pipelines.orbits.period_map import PhaseReference
-from pipelines.orbits.shooting import (
-    NewtonStop,
-)
+from pipelines.orbits.shooting import NewtonStop
 from pipelines.orbits.system import Matrix
 
 _BROYDEN_NOISE = 0.1  # share of a change of g that the settling of the basis may explain

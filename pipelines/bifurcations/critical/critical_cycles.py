@@ -22,12 +22,7 @@ from pipelines.bifurcations.critical.cycle_manifold import (
     period_unit,
 )
 from pipelines.bifurcations.detection import EventKind
-from pipelines.bifurcations.plane import (
-    MapAt,
-    PlaneMetric,
-    Position,
-    map_slopes,
-)
+from pipelines.bifurcations.plane import MapAt, PlaneMetric, Position, map_slopes
 from pipelines.orbits.period_map import PeriodImage
 from pipelines.orbits.system import Matrix, Vector
 

@@ -14,12 +14,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from pipelines.bifurcations.critical.critical_cycles import (
-    Critical,
-    CriticalPass,
-    Frame,
-    basis_error,
-)
+from pipelines.bifurcations.critical.critical_cycles import Critical, CriticalPass, Frame, basis_error
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.system import Matrix
 

@@ -23,11 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipelines.bifurcations.plane import (
-    MapAt,
-    PlaneMetric,
-    Position,
-)
+from pipelines.bifurcations.plane import MapAt, PlaneMetric, Position
 from pipelines.orbits.period_map import PeriodImage
 from pipelines.orbits.system import Matrix, Vector
 

@@ -44,14 +44,8 @@ from pipelines.bifurcations.critical.cycle_manifold import (
 )
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.detection import EventKind
-from pipelines.bifurcations.plane import (
-    MapAt,
-    PlaneMetric,
-    map_slopes,
-)
-from pipelines.orbits.shooting import (
-    NewtonStop,
-)
+from pipelines.bifurcations.plane import MapAt, PlaneMetric, map_slopes
+from pipelines.orbits.shooting import NewtonStop
 from pipelines.orbits.system import Matrix, Vector
 
 

@@ -31,9 +31,7 @@ from pipelines.bifurcations.critical.critical_cycles import (
     with_period,
 )
 from pipelines.bifurcations.critical.critical_pair import invariant_pair
-from pipelines.bifurcations.critical.cycle_manifold import (
-    SurfaceLinearisation,
-)
+from pipelines.bifurcations.critical.cycle_manifold import SurfaceLinearisation
 from pipelines.bifurcations.detection import EventKind
 from pipelines.orbits.system import Matrix
 

@@ -12,39 +12,16 @@ from pipelines.bifurcations.continuation import Rejected, period_scale
 from pipelines.bifurcations.critical.bordering import first_frame, vectors_of
 from pipelines.bifurcations.critical.correction import Closing, CriticalCycle
 from pipelines.bifurcations.critical.corrector import correct_critical
-from pipelines.bifurcations.critical.critical_cycles import (
-    Frame,
-    critical_derivatives,
-    critical_pass,
-)
-from pipelines.bifurcations.critical.cycle_manifold import (
-    surface_tangents,
-)
+from pipelines.bifurcations.critical.critical_cycles import Frame, critical_derivatives, critical_pass
+from pipelines.bifurcations.critical.cycle_manifold import surface_tangents
 from pipelines.bifurcations.critical.testfunctions import critical_of
-from pipelines.bifurcations.curve import (
-    CurveOptions,
-    CurvePoint,
-    CurveStart,
-    CurveState,
-    SpecialKind,
-)
+from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveStart, CurveState, SpecialKind
 from pipelines.bifurcations.curves.codimension_two import resonant_end
 from pipelines.bifurcations.curves.segment import CurveEnd, curve_end
 from pipelines.bifurcations.detection import EventKind
-from pipelines.bifurcations.plane import (
-    CurveProblem,
-    MapAt,
-    PlaneMetric,
-    Position,
-    metric_of,
-)
+from pipelines.bifurcations.plane import CurveProblem, MapAt, PlaneMetric, Position, metric_of
 from pipelines.orbits.floquet import adapted_basis
-from pipelines.orbits.shooting import (
-    NewtonStop,
-    correct,
-    first_basis,
-    reference_of,
-)
+from pipelines.orbits.shooting import NewtonStop, correct, first_basis, reference_of
 from pipelines.orbits.system import Matrix
 from pipelines.orbits.time_steps import StepDemand, demand_at, first_steps
 

@@ -8,13 +8,7 @@ from dataclasses import dataclass
 from pipelines.bifurcations.continuation import CubicPiece
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.period_map import PhaseReference
-from pipelines.orbits.shooting import (
-    Correction,
-    Cycle,
-    CycleProblem,
-    Unknowns,
-    correct,
-)
+from pipelines.orbits.shooting import Correction, Cycle, CycleProblem, Unknowns, correct
 from pipelines.orbits.system import Matrix
 from pipelines.orbits.vectors import Constraint, Metric
 

@@ -31,13 +31,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipelines.bifurcations.tori.fourier import (
-    amplitudes,
-    applied,
-    resampled,
-    shift_matrix,
-    tail,
-)
+from pipelines.bifurcations.tori.fourier import amplitudes, applied, resampled, shift_matrix, tail
 from pipelines.bifurcations.tori.problem import (
     TorusConstraint,
     TorusProblem,

@@ -21,26 +21,13 @@ import numpy as np
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.tori.circle_map import PeriodCircle
 from pipelines.bifurcations.tori.fourier import angles
-from pipelines.bifurcations.tori.invariant_curve import (
-    TorusCorrection,
-    correct_torus,
-)
-from pipelines.bifurcations.tori.problem import (
-    FourierOptions,
-    TorusConstraint,
-    TorusProblem,
-    TorusUnknowns,
-)
+from pipelines.bifurcations.tori.invariant_curve import TorusCorrection, correct_torus
+from pipelines.bifurcations.tori.problem import FourierOptions, TorusConstraint, TorusProblem, TorusUnknowns
 from pipelines.bifurcations.tori.slow_bases import SlowBases, constant_bases
 from pipelines.bifurcations.tori.stability import growth_moduli, transport
 from pipelines.bifurcations.tori.system import pass_from_all
 from pipelines.bifurcations.tori.torus import TorusStart
-from pipelines.orbits.floquet import (
-    Complex,
-    deterministic_block,
-    floquet_spectrum,
-    orthonormal,
-)
+from pipelines.orbits.floquet import Complex, deterministic_block, floquet_spectrum, orthonormal
 from pipelines.orbits.shooting import CycleProblem, Unknowns, first_basis
 from pipelines.orbits.system import Matrix, Vector
 

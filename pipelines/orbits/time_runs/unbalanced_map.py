@@ -16,11 +16,7 @@ import numpy as np
 
 from pipelines.case.scales import PARAMETERS
 from pipelines.machine.assembly import Machine
-from pipelines.machine.unbalance import (
-    UnbalanceMass,
-    unbalance_acceleration,
-    unbalanced_rates,
-)
+from pipelines.machine.unbalance import UnbalanceMass, unbalance_acceleration, unbalanced_rates
 from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.system import DynamicalSystem
 

@@ -179,13 +179,7 @@ def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray)
     """Curves of a kind over the plane of the case, the other parameters as given; bordered."""
     case = job.case.case
     cycles = with_multiplied_period(cycle_problem(job.machine, case), turns)
-    return CurveProblem(
-        cycles.period_map,
-        kind,
-        parameters,
-        case.track_curves.parameters,
-        cycles.options,
-    )
+    return CurveProblem(cycles.period_map, kind, parameters, case.track_curves.parameters, cycles.options)
 
 
 def _curves(job: Job, kind: EventKind) -> dict[str, Group]:

@@ -146,12 +146,7 @@ def trace_curve(
 
 
 def _follow(
-    job: Job,
-    start: Start,
-    group: str,
-    curve: BranchWriter,
-    direction: int,
-    known: Mapping[str, TracedCurve],
+    job: Job, start: Start, group: str, curve: BranchWriter, direction: int, known: Mapping[str, TracedCurve]
 ) -> None:
     case = job.case.case
     problem = start.problem

@@ -88,11 +88,7 @@ def _unknowns(case: Case, grid: Grid) -> int:
 
 
 def _fill(
-    branch: BranchWriter,
-    case: NamedCase,
-    waiting: list[StoredPoint],
-    report: Report,
-    should_stop: ShouldStop,
+    branch: BranchWriter, case: NamedCase, waiting: list[StoredPoint], report: Report, should_stop: ShouldStop
 ) -> None:
     """Recompute the points one after the other; a request to stop leaves the group open."""
     grids, order = grid_family(case.case), FORMAL_ORDERS[case.case.numerics.scheme]

@@ -90,10 +90,7 @@ def _result(job: Job, groups: list[str]) -> StageResult:
         )
         return StageResult(case_id, False, f"no tori to follow: {where}", advice)
     branches = [job.read(group, (table.parameter, "unstable_count")) for group in groups]
-    told: dict[str, Any] = {
-        "branches": len(branches),
-        "points": sum(branch.n_points for branch in branches),
-    }
+    told: dict[str, Any] = {"branches": len(branches), "points": sum(branch.n_points for branch in branches)}
     counts = np.concatenate([branch["unstable_count"] for branch in branches]) if branches else np.zeros(0)
     told["unstable points"] = int(np.sum(counts > 0))
     if undecided := int(np.sum(counts == UNDECIDED)):
