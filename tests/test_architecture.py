@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-FLOORS = {
+LAYERS = {
     "agfb_cli": {"stages", "figures", "datasets", "case"},
     "stages": {"datasets", "bifurcations", "orbits", "machine", "case"},
     "figures": {"datasets"},
@@ -79,7 +79,7 @@ def name_of(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def floor_of(path: Path) -> str:
+def layer_of(path: Path) -> str:
     parts = path.relative_to(ROOT).parts
     return "agfb_cli" if parts[0] == "agfb_cli" else parts[1].removesuffix(".py")
 
@@ -88,7 +88,7 @@ def package_of(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).parent.parts)
 
 
-def floor_of_import(module: str) -> str | None:
+def layer_of_import(module: str) -> str | None:
     parts = module.split(".")
     if parts[0] == "agfb_cli":
         return "agfb_cli"
@@ -119,15 +119,15 @@ def absolute_name(node: ast.ImportFrom, package: str) -> str:
 def forbidden_imports(tree: ast.AST, package: str) -> list[str]:
     """What a module of `package` (pipelines.machine, for instance) imports against the rules."""
     found = []
-    floor = floor_of_import(package)
-    assert floor is not None
+    layer = layer_of_import(package)
+    assert layer is not None
     for line, module in imported_modules(tree, package):
-        other = floor_of_import(module)
+        other = layer_of_import(module)
         library = module.split(".")[0]
-        if other is not None and other != floor and other not in FLOORS[floor]:
-            found.append(f"line {line}: {floor} imports {module}")
-        elif library == "tests" or (library in CONFINED and floor not in CONFINED[library]):
-            found.append(f"line {line}: {library} is not for {floor}")
+        if other is not None and other != layer and other not in LAYERS[layer]:
+            found.append(f"line {line}: {layer} imports {module}")
+        elif library == "tests" or (library in CONFINED and layer not in CONFINED[library]):
+            found.append(f"line {line}: {library} is not for {layer}")
     return found
 
 
@@ -218,7 +218,7 @@ def undocumented(tree: ast.Module) -> list[str]:
 
 
 def test_every_floor_has_modules() -> None:
-    assert {floor_of(path) for path in MODULES} - {"__init__"} == set(FLOORS)
+    assert {layer_of(path) for path in MODULES} - {"__init__"} == set(LAYERS)
 
 
 def test_imports_go_downwards_only() -> None:
@@ -257,7 +257,7 @@ def test_nothing_below_the_command_line_prints() -> None:
     found = {
         name_of(path): calls_of(tree, "print")
         for path, tree in PARSED.items()
-        if floor_of(path) != "agfb_cli"
+        if layer_of(path) != "agfb_cli"
     }
     assert {name: lines for name, lines in found.items() if lines} == {}
 
@@ -279,7 +279,7 @@ def test_every_module_says_what_it_is() -> None:
 def test_every_package_is_a_map_of_its_modules() -> None:
     missing = {}
     for path, tree in PARSED.items():
-        if path.name == "__init__.py" and floor_of(path) != "agfb_cli":
+        if path.name == "__init__.py" and layer_of(path) != "agfb_cli":
             lines = re.findall(r"^- ([\w, ]+):", ast.get_docstring(tree) or "", re.MULTILINE)
             named = {name for line in lines for name in line.split(", ")}
             there = {other.stem for other in path.parent.glob("*.py")} - {"__init__"}

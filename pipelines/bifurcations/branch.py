@@ -1,4 +1,4 @@
-"""What a branch of cycles is made of: its start, how to walk along it, its points, its state, its end."""
+"""A branch of cycles: its options, its start, its points, the state that resumes it, its result."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
-from pipelines.bifurcations.continuation import Result, ResumableState, refuse_misfits
+from pipelines.bifurcations.continuation import Result, ResumableState, validate_stepping
 from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle, Unknowns
@@ -34,14 +34,19 @@ class BranchStop(Enum):
 
 @dataclass(frozen=True)
 class ContinuationOptions:
-    """How to walk along a branch.
+    """Options of the continuation of a branch.
 
-    ``range``: parameter interval; ``direction``: +1 up, -1 down; ``step``, ``minimum_step``,
-    ``maximum_step``: arclength; ``max_points``; ``target_iterations``: Newton iterations at which the step is
-    kept; ``minimum_cosine``: smallest cosine between neighbouring tangents; ``parameter_scale``: parameter
-    change that counts as one; ``detection``: of bifurcations.  Arclength has the unit of the state, so that
-    in another one the steps and the inverse of ``parameter_scale`` are to be scaled like it.  Raises
-    ValueError for values out of order.
+    ``range``: interval of the parameter.
+    ``direction``: initial sense of the parameter, 1 up, -1 down.
+    ``step``, ``minimum_step``, ``maximum_step``: first, shortest and longest step, in arclength.
+    ``max_points``: largest number of points.
+    ``target_iterations``: Newton iterations at which the step length is kept.
+    ``minimum_cosine``: smallest cosine between neighbouring tangents.
+    ``parameter_scale``: change of the parameter that counts as one.
+    ``detection``: options of the location of bifurcations.
+
+    Arclength has the unit of the state: in another unit scale the steps and the inverse of
+    ``parameter_scale`` like it.  Raises ValueError for values out of order.
 
     ``maximum_step`` must be below the width of the narrowest tongue that matters: a multiplier that leaves
     the unit circle and returns within one step is found only where the last three spectra let it be expected.
@@ -59,7 +64,7 @@ class ContinuationOptions:
     detection: DetectionOptions = field(default_factory=DetectionOptions)
 
     def __post_init__(self) -> None:
-        refuse_misfits(self, (self.range,), (self.parameter_scale,))
+        validate_stepping(self, (self.range,), (self.parameter_scale,))
 
 
 @dataclass(frozen=True)

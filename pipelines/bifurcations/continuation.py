@@ -25,7 +25,9 @@ _LONGEST = 0.1  # relative change of the period in a step of the maximum length,
 _SAME = 0.01  # distance within which two points are one, in units of the step: far above corrector errors
 
 
-def refuse_misfits(options: Any, ranges: tuple[tuple[float, float], ...], scales: tuple[float, ...]) -> None:
+def validate_stepping(
+    options: Any, ranges: tuple[tuple[float, float], ...], scales: tuple[float, ...]
+) -> None:
     """Raise ValueError for ranges, parameter scales or options out of order.
 
     ``options`` have ``direction``, ``step``, ``minimum_step``, ``maximum_step``, ``max_points``,

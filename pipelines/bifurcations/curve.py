@@ -1,4 +1,4 @@
-"""What a bifurcation curve is made of: its start, how to walk along it, its points, its state, its end."""
+"""A bifurcation curve: its options, its start, its points, the state that resumes it, its result."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enum import Enum, IntEnum
 
 import numpy as np
 
-from pipelines.bifurcations.continuation import Result, ResumableState, refuse_misfits
+from pipelines.bifurcations.continuation import Result, ResumableState, validate_stepping
 from pipelines.bifurcations.critical.critical_cycles import Frame
 from pipelines.bifurcations.detection import DetectionOptions, EventKind, Resonance, strong_resonance
 from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
@@ -59,14 +59,19 @@ class SpecialKind(IntEnum):
 
 @dataclass(frozen=True)
 class CurveOptions:
-    """How to walk along a curve.
+    """Options of the continuation of a curve.
 
-    ``ranges``: intervals of the two parameters; ``direction``: +1 or -1, initial sense of the first one;
-    ``step``, ``minimum_step``, ``maximum_step``: arclength; ``max_points``; ``target_iterations``: of the
-    corrector, at which the step is kept; ``minimum_cosine``: smallest cosine between neighbouring tangents;
-    ``parameter_scales``: changes of the parameters that count as one; ``event_tolerance``: width of the final
-    bracket of a special point along the curve; ``normal_form``: differences for the critical coefficients,
-    None to leave them out, and with them generalised period doublings and Chenciner points.
+    ``ranges``: intervals of the two parameters.
+    ``direction``: initial sense of the first parameter, 1 up, -1 down.
+    ``step``, ``minimum_step``, ``maximum_step``: first, shortest and longest step, in arclength.
+    ``max_points``: largest number of points.
+    ``target_iterations``: iterations of the corrector at which the step length is kept.
+    ``minimum_cosine``: smallest cosine between neighbouring tangents.
+    ``parameter_scales``: changes of the parameters that count as one.
+    ``event_tolerance``: width of the final bracket of a special point, in arclength.
+    ``normal_form``: differences for the critical coefficients; None leaves them out, and with them
+    generalised period doublings and Chenciner points.
+
     Raises ValueError for values out of order.
     """
 
@@ -83,7 +88,7 @@ class CurveOptions:
     normal_form: NormalFormOptions | None = field(default_factory=NormalFormOptions)
 
     def __post_init__(self) -> None:
-        refuse_misfits(self, self.ranges, self.parameter_scales)
+        validate_stepping(self, self.ranges, self.parameter_scales)
         if not self.event_tolerance > 0.0:
             raise ValueError(f"event_tolerance is {self.event_tolerance}; it must be positive")
 
@@ -184,10 +189,10 @@ class CurvePoint:
     ``cycle``: state, period, orbit, multipliers (its continued parameter is the first of the two);
     ``parameters`` (2,): both free ones; ``kappa``: cos of the critical angle; ``alignment``: cosine between
     left and right null vector; ``right`` (N, m): critical vectors; ``normal_form``: None when not asked for
-    or not defined; ``effort``: iterations before the time steps were refined; ``step_error``: estimated
-    error of the multipliers by the time steps, NaN where it is unknown; ``residual_norms`` and
-    ``test_values``: history of the corrector; ``unlocated``: special points that were detected in the step to
-    this point but could not be located.
+    or not defined; ``newton_iterations``: before the time steps were refined; ``step_error``: estimated error
+    of the multipliers by the time steps, NaN where it is unknown; ``residual_norms`` and ``test_values``:
+    history of the corrector; ``unlocated``: special points that were detected in the step to this point but
+    could not be located.
     """
 
     kind: EventKind
@@ -199,7 +204,7 @@ class CurvePoint:
     normal_form: NormalForm | None
     residual_norms: tuple[float, ...]
     test_values: tuple[float, ...]
-    effort: int = 0
+    newton_iterations: int = 0
     step_error: float = math.nan
     unlocated: tuple[SpecialKind, ...] = ()
 

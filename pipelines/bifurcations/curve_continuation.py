@@ -25,7 +25,7 @@ from pipelines.bifurcations.continuation import (
     is_start,
     leaves_ranges,
 )
-from pipelines.bifurcations.critical.correction import Closing, CurveCorrection
+from pipelines.bifurcations.critical.correction import CurveConstraint, CurveCorrection
 from pipelines.bifurcations.critical.corrector import correct_critical
 from pipelines.bifurcations.curve import (
     CurveLimit,
@@ -39,9 +39,9 @@ from pipelines.bifurcations.curve import (
     SpecialKind,
     SpecialPoint,
 )
-from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end, settled
+from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end, without_rounding
 from pipelines.bifurcations.curves.double_passages import dip_beyond, dip_through
-from pipelines.bifurcations.curves.first_point import columns_of, demand_of, metric_from, open_curve
+from pipelines.bifurcations.curves.first_point import columns_of, curve_metric, demand_of, start_curve
 from pipelines.bifurcations.curves.segment import (
     Bracket,
     CurveEnd,
@@ -50,7 +50,7 @@ from pipelines.bifurcations.curves.segment import (
     curve_end,
     locate_special,
 )
-from pipelines.bifurcations.curves.stored_curves import TracedCurve
+from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
@@ -74,8 +74,8 @@ def continue_curve(
     record: CurveRecord,
     limit: CurveLimit | None = None,
     should_stop: Callable[[], bool] | None = None,
-    traced: Mapping[str, TracedCurve] | None = None,
-    own: TracedCurve | None = None,
+    traced: Mapping[str, KnownCurve] | None = None,
+    own: KnownCurve | None = None,
 ) -> CurveResult:
     """Trace a bifurcation curve from a guess, or go on from a recorded state.
 
@@ -115,8 +115,8 @@ class _Curve(Tracer[CurveState, _Step]):
         self,
         problem: CurveProblem,
         options: CurveOptions,
-        traced: Mapping[str, TracedCurve],
-        own: TracedCurve | None,
+        traced: Mapping[str, KnownCurve],
+        own: KnownCurve | None,
     ) -> None:
         self.problem = problem
         self.options = options
@@ -126,7 +126,7 @@ class _Curve(Tracer[CurveState, _Step]):
     def open(self, start: CurveStart) -> tuple[CurvePoint, CurveState] | Rejected:
         """Correct the guess at right angles to the curve and orient the curve."""
         try:
-            return open_curve(self.problem, start, self.options)
+            return start_curve(self.problem, start, self.options)
         except np.linalg.LinAlgError:
             return Rejected("a matrix of the first point is singular")
 
@@ -149,7 +149,7 @@ class _Curve(Tracer[CurveState, _Step]):
 
     def ends_before(self, state: CurveState, step: _Step) -> tuple[CurveStop, str] | None:
         """Whether the curve runs along a known one, or along itself."""
-        own = TracedCurve.of([state]) if self._own is None else self._own
+        own = KnownCurve.of([state]) if self._own is None else self._own
         name = _along(state, step.end, self._traced, self.options)
         if name is None and not self._returned(state, step.end.position):
             itself = {"itself": own.without_last(_RECENT)}
@@ -161,13 +161,13 @@ class _Curve(Tracer[CurveState, _Step]):
         options = self.options
         length = adapted_length(
             state.step,
-            step.point.effort,
+            step.point.newton_iterations,
             options.target_iterations,
             options.minimum_step,
             options.maximum_step,
         )
         bend = step.end.tangent.minus(state.tangent).scaled(1.0 / step.length)
-        own = TracedCurve.of([state]) if self._own is None else self._own
+        own = KnownCurve.of([state]) if self._own is None else self._own
         new = replace(
             state,
             bend_state=bend.state,
@@ -185,12 +185,12 @@ class _Curve(Tracer[CurveState, _Step]):
 
     def _returned(self, state: CurveState, at: Position) -> bool:
         """Whether ``at`` is the first point again."""
-        metric = metric_from(self.problem, self.options, state.start)
+        metric = curve_metric(self.problem, self.options, state.start)
         return _returned(state, at, metric)
 
     def _attempt(self, state: CurveState) -> _Step | Rejected:
         problem, options = self.problem, self.options
-        metric = metric_from(problem, options, state.start)
+        metric = curve_metric(problem, options, state.start)
         cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
         steps = following_steps(cycles, state.steps, state.step_error)
         reference = reference_of(cycles, unknowns, steps)
@@ -215,7 +215,7 @@ class _Curve(Tracer[CurveState, _Step]):
 def _along(
     state: CurveState,
     end: CurveEnd,
-    traced: Mapping[str, TracedCurve],
+    traced: Mapping[str, KnownCurve],
     options: CurveOptions,
     same_sense: bool = False,
 ) -> str | None:
@@ -255,7 +255,7 @@ def _predict_and_correct(
     """
     across = metric.row(state.normal)
     row = metric.row(state.tangent)
-    closing = Closing(row, row.dot(state.position) + state.step, across, state.gradient, metric)
+    constraint = CurveConstraint(row, row.dot(state.position) + state.step, across, state.gradient, metric)
     guess = state.position.plus(state.tangent, state.step).plus(state.bend, 0.5 * state.step**2)
     basis, frame = state.basis, state.frame
     found: CurveCorrection | None = None
@@ -265,54 +265,54 @@ def _predict_and_correct(
             which, value = bound
             share = (value - state.parameters[which]) / (guess.parameters[which] - state.parameters[which])
             guess = state.position.plus(guess.minus(state.position), float(share))
-            closing = replace(closing, row=problem.row_of_parameter(which), value=value)
+            constraint = replace(constraint, row=problem.row_of_parameter(which), value=value)
         elif found is not None:
             break
-        found = correct_critical(problem, guess, closing, basis, frame, steps, reference)
+        found = correct_critical(problem, guess, constraint, basis, frame, steps, reference)
         if found.point is None:
             return Rejected(found.advice)
         guess = found.point.position
     if found is None or found.point is None or bound_passed(guess.parameters, options.ranges) is not None:
         return Rejected("the corrector leaves the ranges of the parameters")
-    demand, effort = demand_of(problem, found.point, steps), found.iterations
+    demand, newton_iterations = demand_of(problem, found.point, steps), found.iterations
     enough = demand.error <= _REPEATED * problem.options.step_tolerance
     if not enough and demand.steps > steps:
         steps = problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
-        again = correct_critical(problem, guess, closing, found.point.basis, frame, steps, reference)
+        again = correct_critical(problem, guess, constraint, found.point.basis, frame, steps, reference)
         if again.point is None:
             return Rejected(again.advice)
         demand = demand_of(problem, again.point, steps)
         found = _one_history(found, again)
-    return _segment(problem, state, options, closing, found, reference, (effort, demand.error))
+    return _segment(problem, state, options, constraint, found, reference, (newton_iterations, demand.error))
 
 
 def _segment(
     problem: CurveProblem,
     state: CurveState,
     options: CurveOptions,
-    closing: Closing,
+    constraint: CurveConstraint,
     found: CurveCorrection,
     reference: PhaseReference | None,
-    effort_and_error: tuple[int, float],
+    iterations_and_error: tuple[int, float],
 ) -> CurveSegment | Rejected:
     if found.point is None:
         return Rejected(found.advice)
-    if closing.metric.norm(found.point.position.minus(state.position)) == 0.0:
+    if constraint.metric.norm(found.point.position.minus(state.position)) == 0.0:
         return Rejected("the corrector returned to the previous point")
-    end = curve_end(found, found.point, closing, state.tangent, options.normal_form, state.frame)
+    end = curve_end(found, found.point, constraint, state.tangent, options.normal_form, state.frame)
     if end is None:
         return Rejected("the tangent is singular")
-    effort, step_error = effort_and_error
-    end = replace(end, point=replace(end.point, effort=effort, step_error=step_error))
+    newton_iterations, step_error = iterations_and_error
+    end = replace(end, point=replace(end.point, newton_iterations=newton_iterations, step_error=step_error))
     return CurveSegment(
         problem,
-        closing.metric,
+        constraint.metric,
         state.position,
         state.tangent,
         end,
         state.basis,
         state.frame,
-        closing.across,
+        constraint.across,
         state.gradient,
         found.point.steps,
         reference,
@@ -361,7 +361,7 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
     step that comes back there has it, the one that leaves does not.
     """
     segment = points.segment
-    before, after = settled(state.tests), settled(segment.end.tests)
+    before, after = without_rounding(state.tests), without_rounding(segment.end.tests)
     nothing = _STARTED * np.abs(after - before)
     if state.index == 0:
         before = np.where(np.abs(before) < nothing, 0.0, before)
@@ -403,11 +403,11 @@ def _passed_twice(
 def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptions) -> CurveEnd | None:
     """The point in the plane through the first point across the segment."""
     row = segment.metric.row(segment.chord)
-    closing = Closing(row, row.dot(state.start), segment.across, segment.gradient, segment.metric)
-    found = segment.correct_on(state.start, closing, segment.anchors[0])
+    constraint = CurveConstraint(row, row.dot(state.start), segment.across, segment.gradient, segment.metric)
+    found = segment.correct_on(state.start, constraint, segment.anchors[0])
     if found.point is None:
         return None
-    return curve_end(found, found.point, closing, segment.chord, options.normal_form, segment.frame)
+    return curve_end(found, found.point, constraint, segment.chord, options.normal_form, segment.frame)
 
 
 def _returned(state: CurveState, at: Position, metric: PlaneMetric) -> bool:

@@ -10,8 +10,8 @@ from pydantic import ValidationInfo, field_validator
 
 from pipelines.case.fields import (
     WANTED_VALUE,
+    Inconsistency,
     InconsistentError,
-    Misfit,
     Number,
     Path,
     Table,
@@ -188,7 +188,9 @@ class Calibrate(Table):
         return positive_range(value, "speeds are positive")
 
 
-def calibration_misfits(settings: Calibrate, document: Document, rebuild: Rebuild) -> Iterator[Misfit]:
+def calibration_inconsistencies(
+    settings: Calibrate, document: Document, rebuild: Rebuild
+) -> Iterator[Inconsistency]:
     """What of a calibration the case, whose resolved ``document`` is given, does not bear."""
     seen: set[str] = set()
     for index, parameter in enumerate(settings.parameters):
@@ -204,7 +206,7 @@ def calibration_misfits(settings: Calibrate, document: Document, rebuild: Rebuil
             ]
             yield from dict.fromkeys(refused)
             if not refused:
-                yield from _start_misfits(parameter, document, key, at, place)
+                yield from _start_inconsistencies(parameter, document, key, at, place)
     for index, target in enumerate(settings.targets):
         for key, value in target.set.items():
             for problem in _refused(rebuild, {key: value}):
@@ -232,9 +234,9 @@ def _refused(rebuild: Rebuild, assignments: Mapping[str, Any]) -> list[str]:
     return []
 
 
-def _start_misfits(
+def _start_inconsistencies(
     parameter: CalibrationParameter, document: Document, key: str, at: Path, place: int
-) -> Iterator[Misfit]:
+) -> Iterator[Inconsistency]:
     start = number_at(document, key)
     low, high = parameter.range
     if start is None:

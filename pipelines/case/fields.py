@@ -18,7 +18,7 @@ from pydantic.fields import FieldInfo
 Path = tuple[str | int, ...]
 """Keys, array indices and free names from a table down to a value."""
 
-Misfit = tuple[Path, str]
+Inconsistency = tuple[Path, str]
 """Where (a path below the validated key) and what is wrong."""
 
 FOIL_STIFFNESS = ("stiffness", "areal_stiffness", "bump", "rigid")
@@ -62,7 +62,7 @@ class InconsistentError(ValueError):
     One check can report several places; a plain message belongs to the validated key itself.
     """
 
-    def __init__(self, *problems: str | Misfit) -> None:
+    def __init__(self, *problems: str | Inconsistency) -> None:
         self.problems = tuple(((), problem) if isinstance(problem, str) else problem for problem in problems)
         super().__init__("; ".join(message for _, message in self.problems))
 

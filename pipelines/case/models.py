@@ -16,7 +16,7 @@ from pydantic import ValidationError, ValidationInfo, field_validator
 from pipelines.case.bearings import Bearing, Bump, Excitation, Foil, Gas, Ring
 from pipelines.case.calibrate_settings import Calibrate, CalibrationParameter, CalibrationTarget
 from pipelines.case.curve_settings import BifurcationSet, TrackCurves
-from pipelines.case.fields import InconsistentError, Misfit, Table, quantity, table
+from pipelines.case.fields import Inconsistency, InconsistentError, Table, quantity, table
 from pipelines.case.problems import CaseError, Places, problems_of
 from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Master, Material, Rotor, Support, off_shaft
@@ -164,9 +164,9 @@ class Case(Table):
             raise CaseError(problems_of(error, type(self), Places("", {}))) from None
 
 
-def misplaced_journals(rotor: Rotor, nodes: Sequence[Any]) -> list[Misfit]:
+def misplaced_journals(rotor: Rotor, nodes: Sequence[Any]) -> list[Inconsistency]:
     """What is wrong with the nodes of the bearings; a node that is no number is reported elsewhere."""
-    problems: list[Misfit] = []
+    problems: list[Inconsistency] = []
     for index, node in enumerate(nodes):
         if not isinstance(node, int) or node < 0:
             continue

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from pipelines.case.fields import Misfit, Path
+from pipelines.case.fields import Inconsistency, Path
 from pipelines.case.models import Case
 from pipelines.case.scales import Scales
 
@@ -32,7 +32,7 @@ class _Value:
     numbers: Sequence[float | None]
 
 
-def implausible_values(case: Case, table: str) -> Iterator[Misfit]:
+def implausible_values(case: Case, table: str) -> Iterator[Inconsistency]:
     """The values of one of the case's tables that are in another unit than that of their key."""
     if getattr(case, table) is None:
         return

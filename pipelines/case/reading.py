@@ -15,7 +15,7 @@ from pipelines.case.fields import Path
 from pipelines.case.locating import key_lines
 from pipelines.case.models import Case, Rotor, misplaced_journals
 from pipelines.case.problems import CaseError, Places, Problem, problems_of, shown, value_at
-from pipelines.case.stage_checks import STAGE_TABLES, machine_misfits, stage_misfits
+from pipelines.case.stage_checks import STAGE_TABLES, machine_inconsistencies, stage_inconsistencies
 from pipelines.case.sweeps import (
     Document,
     MisplacedError,
@@ -205,8 +205,8 @@ def _case(
 
 def stage_problems(named: NamedCase, stages: Iterable[str]) -> list[Problem]:
     """Why stages cannot compute a case, each thing once."""
-    of_stages = (misfit for stage in stages for misfit in stage_misfits(named.case, stage))
-    misfits = dict.fromkeys((*machine_misfits(named.case), *of_stages))
+    of_stages = (misfit for stage in stages for misfit in stage_inconsistencies(named.case, stage))
+    misfits = dict.fromkeys((*machine_inconsistencies(named.case), *of_stages))
     return [_stage_problem(named, path, message) for path, message in misfits]
 
 

@@ -10,8 +10,8 @@ from pydantic import Field, PlainSerializer, PlainValidator, TypeAdapter, Valida
 
 from pipelines.case.fields import (
     SECOND_ELASTIC_CONSTANT,
+    Inconsistency,
     InconsistentError,
-    Misfit,
     Table,
     quantity,
     require_one,
@@ -230,7 +230,7 @@ class Rotor(Table):
     @field_validator("elements")
     @classmethod
     def _elements(cls, elements: tuple[Element, ...], info: ValidationInfo) -> tuple[Element, ...]:
-        problems: list[str | Misfit] = []
+        problems: list[str | Inconsistency] = []
         total = sum(element.count for element in elements)
         if total > MAXIMUM_ELEMENTS:
             problems.append(f"make {total} elements; at most {MAXIMUM_ELEMENTS} are allowed")
@@ -266,7 +266,7 @@ class Rotor(Table):
     @classmethod
     def _masters(cls, masters: tuple[int | Master, ...], info: ValidationInfo) -> tuple[int | Master, ...]:
         last, nodes = _last_node(info), [node_of(master) for master in masters]
-        problems: list[str | Misfit] = [
+        problems: list[str | Inconsistency] = [
             ((index,) if isinstance(masters[index], int) else (index, "node"), off_shaft(node, last))
             for index, node in enumerate(nodes)
             if last is not None and node > last

@@ -9,15 +9,15 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
-from pipelines.case.calibrate_settings import calibration_misfits
-from pipelines.case.fields import Misfit, Path
+from pipelines.case.calibrate_settings import calibration_inconsistencies
+from pipelines.case.fields import Inconsistency, Path
 from pipelines.case.models import Case
 from pipelines.case.plausible import implausible_values
 from pipelines.case.scales import PARAMETERS
-from pipelines.case.torus_settings import torus_misfits
-from pipelines.case.transient_settings import transient_misfits
+from pipelines.case.torus_settings import torus_inconsistencies
+from pipelines.case.transient_settings import transient_inconsistencies
 
-Check = Callable[[Case], Iterator[Misfit]]
+Check = Callable[[Case], Iterator[Inconsistency]]
 
 NO_PERIOD = (
     'the stroboscopic period is 2 pi/Omega_ex: give excitation.frequency, or formulation = "autonomous" for '
@@ -31,24 +31,24 @@ RESTING = (
 CLOSED = "times the largest of excitation.amplitudes must stay below 1: the ring closes the film"
 
 
-def machine_misfits(case: Case) -> Iterator[Misfit]:
+def machine_inconsistencies(case: Case) -> Iterator[Inconsistency]:
     """What no stage can compute, each with its path in the case."""
     for table in ("operation", "excitation", "unbalance"):
         yield from implausible_values(case, table)
 
 
-def stage_misfits(case: Case, stage: str) -> Iterator[Misfit]:
+def stage_inconsistencies(case: Case, stage: str) -> Iterator[Inconsistency]:
     """What makes a stage (of `STAGE_TABLES`) impossible for a case, each with its path in the case."""
     for table in STAGE_TABLES[stage]:
         yield from implausible_values(case, table)
     yield from _CHECKS.get(stage, _nothing)(case)
 
 
-def _nothing(case: Case) -> Iterator[Misfit]:
+def _nothing(case: Case) -> Iterator[Inconsistency]:
     yield from ()
 
 
-def _cycles(case: Case) -> Iterator[Misfit]:
+def _cycles(case: Case) -> Iterator[Inconsistency]:
     table, at = case.continue_cycles, ("continue_cycles",)
     yield from _along(case, table.parameter, table.range, at)
     if not (_is_self_excited(case) and table.parameter == "speed"):  # which begins at a Hopf point
@@ -57,7 +57,7 @@ def _cycles(case: Case) -> Iterator[Misfit]:
         yield (*at, "formulation"), NO_PERIOD
 
 
-def _curves(case: Case) -> Iterator[Misfit]:
+def _curves(case: Case) -> Iterator[Inconsistency]:
     table = case.track_curves
     for index, (name, interval) in enumerate(zip(table.parameters, table.ranges, strict=True)):
         for path, message in _along(case, name, interval, ()):
@@ -69,28 +69,28 @@ def _curves(case: Case) -> Iterator[Misfit]:
         yield ("continue_cycles", "formulation"), NO_PERIOD
 
 
-def _set(case: Case) -> Iterator[Misfit]:
+def _set(case: Case) -> Iterator[Inconsistency]:
     """The search itself says where there is nothing to search: that is a result."""
     if not _is_passive(case):
         yield from _curves(case)
 
 
-def _tori(case: Case) -> Iterator[Misfit]:
+def _tori(case: Case) -> Iterator[Inconsistency]:
     table, at = case.continue_tori, ("continue_tori",)
     yield from _along(case, table.parameter, table.range, at)
     if table.origin == "unbalance":
         yield from _own_value(case, table.parameter, table.range, table.start, at)
     formulation = case.continue_cycles.formulation
-    for path, message in torus_misfits(table, case.excitation, formulation, case.unbalance):
+    for path, message in torus_inconsistencies(table, case.excitation, formulation, case.unbalance):
         yield (*at, *path), message
 
 
-def _transient(case: Case) -> Iterator[Misfit]:
-    for path, message in transient_misfits(case.transient, case.excitation):
+def _transient(case: Case) -> Iterator[Inconsistency]:
+    for path, message in transient_inconsistencies(case.transient, case.excitation):
         yield ("transient", *path), message
 
 
-def _calibration(case: Case) -> Iterator[Misfit]:
+def _calibration(case: Case) -> Iterator[Inconsistency]:
     if case.calibrate is None:
         yield (
             ("calibrate",),
@@ -99,10 +99,10 @@ def _calibration(case: Case) -> Iterator[Misfit]:
         )
         return
     document = case.model_dump(mode="json", exclude={"calibrate"})
-    yield from calibration_misfits(case.calibrate, document, case.with_values)
+    yield from calibration_inconsistencies(case.calibrate, document, case.with_values)
 
 
-def _along(case: Case, name: str, interval: Sequence[float], at: Path) -> Iterator[Misfit]:
+def _along(case: Case, name: str, interval: Sequence[float], at: Path) -> Iterator[Inconsistency]:
     """Whether the machine has the parameter, over the whole range."""
     scales = case.scales
     if name == "foil_stiffness" and any(bearing.foil.rigid for bearing in case.bearings):
@@ -115,7 +115,7 @@ def _along(case: Case, name: str, interval: Sequence[float], at: Path) -> Iterat
 
 def _own_value(
     case: Case, name: str, interval: Sequence[float], start: float | None, at: Path
-) -> Iterator[Misfit]:
+) -> Iterator[Inconsistency]:
     """Whether a branch that has no ``start`` can begin at the case's own value."""
     low, high = interval
     value = case.parameters[PARAMETERS.index(name)]

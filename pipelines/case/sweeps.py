@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pipelines.case.fields import ALTERNATIVES, Misfit, Path
+from pipelines.case.fields import ALTERNATIVES, Inconsistency, Path
 
 MOST_CASES = 10_000
 LONGEST_ID = 200  # so that every file named after a case keeps below the 255 bytes of a file system
@@ -145,7 +145,7 @@ def parse_override(text: str) -> tuple[str, Any]:
     return key.strip(), literal
 
 
-def read_sweeps(table: Any, at: Path = ("sweep",), prefix: str = "") -> Iterator[Sweep | Misfit]:
+def read_sweeps(table: Any, at: Path = ("sweep",), prefix: str = "") -> Iterator[Sweep | Inconsistency]:
     """The sweeps of the [sweep] table; quoted dotted keys and nested tables mean the same.
 
     A name of several keys with commas between them sweeps these together: its list holds lists, each with
@@ -167,7 +167,7 @@ def split_keys(name: str) -> tuple[str, ...]:
     return tuple(key.strip() for key in name.split(","))
 
 
-def sweep_of(keys: Sequence[str], values: Any, source: Path) -> Iterator[Sweep | Misfit]:
+def sweep_of(keys: Sequence[str], values: Any, source: Path) -> Iterator[Sweep | Inconsistency]:
     """The sweep of the keys over a list of values, or of lists with a value for each of several keys; or the
     paths of what is wrong, and what it is.
     """

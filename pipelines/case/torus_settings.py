@@ -12,8 +12,8 @@ from pipelines.case.curve_settings import Parameter
 from pipelines.case.fields import (
     LONGEST_STEP,
     STEPS,
+    Inconsistency,
     InconsistentError,
-    Misfit,
     Number,
     Table,
     choice,
@@ -119,9 +119,9 @@ class ContinueTori(Table):
     _steps = field_validator("maximum_step")(steps_in_order)
 
 
-def torus_misfits(
+def torus_inconsistencies(
     stage: ContinueTori, excitation: Excitation, formulation: str, unbalance: Unbalance | None
-) -> Iterator[Misfit]:
+) -> Iterator[Inconsistency]:
     """What makes tori of this case impossible; ``formulation``: that of its cycles."""
     if stage.origin == "unbalance" and unbalance is None:
         yield ("origin",), "needs the table [unbalance], which says where the rotor is out of balance"

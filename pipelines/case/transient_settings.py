@@ -13,8 +13,8 @@ from pydantic import ValidationInfo, field_validator
 from pipelines.case.bearings import Bearing, Excitation
 from pipelines.case.fields import (
     RATED_SPEED,
+    Inconsistency,
     InconsistentError,
-    Misfit,
     Number,
     Table,
     choice,
@@ -94,7 +94,7 @@ class Unbalance(Table):
         if "grade" not in info.data:
             return planes
         graded = info.data["grade"] is not None
-        problems: list[str | Misfit] = []
+        problems: list[str | Inconsistency] = []
         for index, plane in enumerate(planes):
             if graded and plane.moment is not None:
                 problems.append(
@@ -264,7 +264,7 @@ class Transient(Table):
     @field_validator("times")
     @classmethod
     def _rising(cls, times: tuple[float, ...]) -> tuple[float, ...]:
-        problems: list[str | Misfit] = []
+        problems: list[str | Inconsistency] = []
         if times and times[0] != 0.0:
             problems.append(((0,), "must be 0: the table begins with the run"))
         for index, (before, after) in enumerate(pairwise(times), start=1):
@@ -280,7 +280,7 @@ class Transient(Table):
     @field_validator("speeds")
     @classmethod
     def _positive(cls, speeds: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
-        problems: list[str | Misfit] = [
+        problems: list[str | Inconsistency] = [
             ((index,), "must be > 0: the film carries by rotation, and a run cannot pass through standstill")
             for index, speed in enumerate(speeds)
             if speed <= 0.0
@@ -322,7 +322,7 @@ def unbalance_on_shaft(unbalance: Unbalance | None, info: ValidationInfo) -> Unb
     return unbalance
 
 
-def transient_misfits(stage: Transient, excitation: Excitation) -> Iterator[Misfit]:
+def transient_inconsistencies(stage: Transient, excitation: Excitation) -> Iterator[Inconsistency]:
     """What makes a run impossible for the case's excitation."""
     if stage.excitation.startswith("switch") and 0 in (excitation.displacement, excitation.load):
         yield ("excitation",), "there is nothing to switch: excitation.displacement is 0"

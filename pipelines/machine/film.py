@@ -1,4 +1,4 @@
-"""The gas film of one bearing on its foil: compiled rates, their derivatives, and the force on the journal.
+"""The gas film of one bearing on its foil: compiled rates, their derivatives.
 
 With P = p^2, convection weight w (1/2 central, 1 backward) and film mobility m = t_0/t_b (1 unless the
 bearings differ):

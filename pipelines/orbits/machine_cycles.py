@@ -93,14 +93,14 @@ def cycle_shape(
     return CycleShape(masters, *extremes, trace, lowest, pressure, foil, thickness)
 
 
-def unphysical(shape: CycleShape, thinnest: float) -> str | None:
+def unphysical(shape: CycleShape, minimum_film: float) -> str | None:
     """A sentence if a cycle is not physical: a film too thin, or a pressure below vacuum."""
     thickness, pressure = shape.film_trace.min(axis=0), shape.lowest_pressure
     thin, low = int(np.argmin(thickness)), int(np.argmin(pressure))
-    if thickness[thin] < thinnest:
+    if thickness[thin] < minimum_film:
         return (
             f"the journal touches the foil of bearing {thin}: its film shrinks to {thickness[thin]:.3g} "
-            f"of the clearance (limit {thinnest:g}); "
+            f"of the clearance (limit {minimum_film:g}); "
             "lower the excitation or the load, or the limit continue_cycles.minimum_film"
         )
     if pressure[low] <= 0.0:

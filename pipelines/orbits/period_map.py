@@ -251,7 +251,7 @@ class PeriodMap:
         return self._implicit(run, parameters, period, steps, once)
 
     def _explicit(self, run: _Run, parameters: Vector, period: float, steps: int) -> int:
-        """That with the loop of the explicit steppers."""
+        """Propagate with an explicit stepper."""
         if steps % self.samples:
             raise ValueError(f"steps is {steps}; it must be a multiple of the {self.samples} samples")
         system, stepper = self.system, self.stepper
@@ -267,7 +267,7 @@ class PeriodMap:
         ))  # fmt: skip
 
     def _implicit(self, run: _Run, parameters: Vector, period: float, steps: int, once: bool) -> int:
-        """The same with a diagonally implicit stepper, which wants the columns in chunks of LINE."""
+        """Propagate with a diagonally implicit stepper, which wants the columns in chunks of LINE."""
         system, stepper = self.system, self.stepper
         assert isinstance(stepper, ImplicitStepper)
         assert system.shifted is not None
@@ -291,7 +291,7 @@ class PeriodMap:
         return int(failed)
 
     def _along_kept(self, run: _Run, parameters: Vector, period: float, steps: int) -> int:
-        """The same along the orbit that was kept."""
+        """Propagate columns along the orbit that was kept."""
         system, stepper, kept = self.system, self.stepper, self._kept
         assert isinstance(stepper, ImplicitStepper)
         assert system.shifted is not None

@@ -76,12 +76,14 @@ class NewtonStop(Enum):
 class ShootingOptions:
     """Tolerances of the corrector.
 
-    ``tolerance``: of phi(s) - s, phase and closing row, each relative to its terms; ``iterations``: of
-    Newton; ``picard_tolerance``: relative size of the last Picard update; ``picard_sweeps``: their cap;
-    ``multiplier_tolerance``: residual asked of every multiplier above ``checked_modulus``, reached by at most
-    ``multiplier_sweeps`` further subspace iterations (the residual reached is reported);
-    ``step_tolerance``: error of those multipliers that the time steps may leave; ``basis``: size of the
-    slow subspace.
+    ``tolerance``: of phi(s) - s, phase and constraint, each relative to its terms.
+    ``iterations``: Newton iterations at most.
+    ``picard_tolerance``: relative size of the last Picard update.
+    ``picard_sweeps``: Picard sweeps at most.
+    ``multiplier_tolerance``: residual asked of every multiplier above ``checked_modulus``.
+    ``multiplier_sweeps``: further subspace iterations at most to reach it; the residual reached is reported.
+    ``step_tolerance``: error of these multipliers that the time steps may leave.
+    ``basis``: size of the slow subspace.
     """
 
     tolerance: float = 1e-10

@@ -1,4 +1,4 @@
-"""What every step of a stage on one case needs: the case, its machine, its store, and whom to tell."""
+"""What every step of a stage on one case needs: case, machine, store, progress callback."""
 
 from __future__ import annotations
 

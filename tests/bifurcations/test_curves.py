@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop, SpecialKind
-from pipelines.bifurcations.curves.stored_curves import TracedCurve
+from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import joined_curve
 from pipelines.orbits.period_map import Formulation, PeriodMap
@@ -323,7 +323,7 @@ def test_two_curves_that_cross_at_a_small_angle_are_told_apart() -> None:
     options = CurveOptions(((-0.3, 0.3), (-0.1, 0.1)), step=0.05, maximum_step=0.05)
     steep = trace(problem, start([0.0, 0.0], (-0.255, -0.0255)), options)
     assert steep.result.stop is CurveStop.RANGE
-    known = {"steep": TracedCurve.of(steep.states)}
+    known = {"steep": KnownCurve.of(steep.states)}
     level = trace(problem, start([0.0, 0.0], (-0.255, 0.0)), options, traced=known)
     beside = [point.parameters for point in level.points if known["steep"].runs_along(
         start([0.0, 0.0], tuple(point.parameters), math.pi), np.array([1.0, 0.0])

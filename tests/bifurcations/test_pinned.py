@@ -8,16 +8,22 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.curve import CurveStart
-from pipelines.bifurcations.curves.fixed_parameter import NotPinned, PinnedPoint, pinned_point
+from pipelines.bifurcations.curves.fixed_parameter import (
+    FixedParameterPoint,
+    NotLocated,
+    locate_at_fixed_parameter,
+)
 from pipelines.bifurcations.plane import CurveProblem, metric_of
 from tests.bifurcations.curve_runs import FLIP, FOLD, NS, map_problem, start
 from tests.bifurcations.explicit_maps import cusp_map, henon, rotation_map
 from tests.bifurcations.test_curves import polar_problem
 
 
-def pinned(problem: CurveProblem, begin: CurveStart, held: int, steps: int | None = None) -> PinnedPoint:
-    found = pinned_point(problem, begin, held, metric_of(problem, (1.0, 1.0)), steps)
-    assert isinstance(found, PinnedPoint), found
+def pinned(
+    problem: CurveProblem, begin: CurveStart, held: int, steps: int | None = None
+) -> FixedParameterPoint:
+    found = locate_at_fixed_parameter(problem, begin, held, metric_of(problem, (1.0, 1.0)), steps)
+    assert isinstance(found, FixedParameterPoint), found
     assert found.parameters[held] == pytest.approx(begin.parameters[held], abs=1e-11)
     return found
 
@@ -75,8 +81,8 @@ def test_what_is_not_there_is_a_result() -> None:
     """The Henon map with b > 0 has real multipliers only, and no fixed point at all for large negative a."""
     metric = metric_of(map_problem(henon(), NS, (0, 0), ("a", "b")), (1.0, 1.0))
     pair = map_problem(henon(), NS, (0, 0), ("a", "b"))
-    assert isinstance(pinned_point(pair, start([0.6, 0.2], (0.3, 0.3)), 0, metric), NotPinned)
+    assert isinstance(locate_at_fixed_parameter(pair, start([0.6, 0.2], (0.3, 0.3)), 0, metric), NotLocated)
     flip = map_problem(henon(), FLIP, (0, 0), ("a", "b"))
-    nowhere = pinned_point(flip, start([0.6, 0.2], (-5.0, 0.3)), 0, metric)
-    assert isinstance(nowhere, NotPinned)
+    nowhere = locate_at_fixed_parameter(flip, start([0.6, 0.2], (-5.0, 0.3)), 0, metric)
+    assert isinstance(nowhere, NotLocated)
     assert "start closer" in nowhere.advice

@@ -12,7 +12,7 @@ from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchStop, ContinuationOptions
 from pipelines.bifurcations.curve import CurveOptions, CurveStop
 from pipelines.bifurcations.curve_continuation import continue_curve
-from pipelines.bifurcations.curves.stored_curves import TracedCurve
+from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.switching import curve_from_event, doubled_branch, doubled_map
 from pipelines.orbits.period_map import Formulation, PeriodMap
@@ -78,13 +78,13 @@ def test_curve_of_doubled_flips(henon_flip: tuple[CycleProblem, Event]) -> None:
     run = trace(curves, begin, CurveOptions(((0.0, 3.0), (-0.5, 0.6)), direction=-1, maximum_step=0.1))
     a, b = run.parameters.T
     assert np.max(np.abs(a - (1 - b) ** 2 - (1 + b) ** 2 / 4.0)) < 1e-8
-    curve = TracedCurve.of(run.states)
+    curve = KnownCurve.of(run.states)
     assert curve.holds(begin)
     middle = run.states[len(run.states) // 2]
     there = replace(begin, state=middle.state, parameters=tuple(middle.parameters))
     assert curve.holds(there)
     # between the recorded points it is on their cubic
-    assert TracedCurve.of([state for state in run.states if state is not middle]).holds(there)
+    assert KnownCurve.of([state for state in run.states if state is not middle]).holds(there)
     beside = (there.parameters[0] + 0.01, there.parameters[1])
     assert not curve.holds(replace(there, parameters=beside))
     assert not curve.holds(replace(there, state=there.state + 0.5))
@@ -107,7 +107,7 @@ def test_curve_ends_where_another_was_traced(henon_flip: tuple[CycleProblem, Eve
         begin,
         options,
         lambda point, state, specials: recorded.append(state.index),
-        traced={"pd/c000": TracedCurve.of(known.states)},
+        traced={"pd/c000": KnownCurve.of(known.states)},
     )
     assert (result.stop, result.message) == (CurveStop.TRACED, "it runs along pd/c000")
     assert recorded == [0]

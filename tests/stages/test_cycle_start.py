@@ -9,7 +9,7 @@ from pipelines.bifurcations.branch import BranchPoint
 from pipelines.case.models import Case
 from pipelines.machine.assembly import build_machine
 from pipelines.stages.cycles.problem import cycle_problem
-from pipelines.stages.cycles.start import FirstCycle, NoStart, Watch, first_cycles, first_hopf, resting_start
+from pipelines.stages.cycles.start import FirstCycle, Guard, NoStart, first_cycles, first_hopf, resting_start
 from tests.helpers.tiny import PASSIVE, tiny_case
 
 STIFFNESS = (
@@ -25,10 +25,10 @@ def passive_case(*overrides: str) -> Case:
     return tiny_case("continue_cycles.start=1.1", *overrides, config=PASSIVE).case
 
 
-def started(case: Case, watch: Watch | None = None) -> list[FirstCycle | NoStart]:
+def started(case: Case, watch: Guard | None = None) -> list[FirstCycle | NoStart]:
     """All guesses of a first cycle."""
     machine = build_machine(case)
-    watch = watch or Watch(lambda point: None, lambda: False)
+    watch = watch or Guard(lambda point: None, lambda: False)
     return list(first_cycles(machine, case, cycle_problem(machine, case), watch))
 
 
@@ -122,7 +122,7 @@ def test_the_way_to_a_start_heeds_limit_and_interruption() -> None:
         return "too thin" if point.cycle.unknowns.parameter < 1.1 else None
 
     way = passive_case(*STIFFNESS, "operation.speed=1.09")
-    (limited,) = started(way, Watch(thin, lambda: False))
+    (limited,) = started(way, Guard(thin, lambda: False))
     assert isinstance(limited, NoStart)
     assert "too thin" in limited.reason
     asked: list[bool] = []
@@ -131,7 +131,7 @@ def test_the_way_to_a_start_heeds_limit_and_interruption() -> None:
         asked.append(True)
         return True
 
-    (stopped,) = started(way, Watch(lambda point: None, stop))
+    (stopped,) = started(way, Guard(lambda point: None, stop))
     assert isinstance(stopped, NoStart)
     assert asked
 

@@ -12,7 +12,7 @@ from pipelines.datasets.store import open_for_reading
 from pipelines.stages.refinement.points import stored_points
 from pipelines.stages.scheduling import durations
 from pipelines.stages.scheduling.durations import Durations
-from pipelines.stages.scheduling.plan import Planned, There, plan
+from pipelines.stages.scheduling.plan import Planned, StageStatus, plan
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import tree
 
@@ -35,7 +35,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_nothing_is_there(tmp_path: Path) -> None:
     found = planned(tiny_case(), tmp_path / "a.zarr", *CHAIN)
-    assert [each.there for each in found.values()] == [There.NOTHING] * 4
+    assert [each.there for each in found.values()] == [StageStatus.NOTHING] * 4
     assert [each.points for each in found.values()] == [0] * 4
     assert [each.most for each in found.values()] == [7, 6, 20, None]
     times = [each.seconds for each in found.values()]
@@ -49,31 +49,31 @@ def test_what_is_there_is_counted_and_nothing_is_written(begun: Path) -> None:
     before = tree(begun.parent)
     found = planned(tiny_case(), begun, *CHAIN)
     assert tree(begun.parent) == before
-    assert found["linearize"] == Planned("smoke", "linearize", There.COMPLETE, 7, 7, 0.0)
-    assert found["criticals"] == Planned("smoke", "criticals", There.COMPLETE, 6, 6, 0.0)
+    assert found["linearize"] == Planned("smoke", "linearize", StageStatus.COMPLETE, 7, 7, 0.0)
+    assert found["criticals"] == Planned("smoke", "criticals", StageStatus.COMPLETE, 6, 6, 0.0)
     cycles = found["continue_cycles"]
-    assert (cycles.there, cycles.points, cycles.most) == (There.PARTIAL, 2, 20)
-    assert found["bifurcation_set"].there is There.NOTHING
+    assert (cycles.there, cycles.points, cycles.most) == (StageStatus.PARTIAL, 2, 20)
+    assert found["bifurcation_set"].there is StageStatus.NOTHING
 
 
 def test_other_tables(begun: Path) -> None:
     other = tiny_case("linearize.points=9", "criticals.points=9", "continue_cycles.step=0.01")
     found = planned(other, begun, *CHAIN)
-    assert found["linearize"].there is There.OTHERWISE
-    assert found["criticals"].there is There.NOTHING, "it is computed anew"
+    assert found["linearize"].there is StageStatus.DIFFERENT_SETTINGS
+    assert found["criticals"].there is StageStatus.NOTHING, "it is computed anew"
     assert found["criticals"].seconds > 0.0
-    assert found["continue_cycles"].there is There.OTHERWISE
+    assert found["continue_cycles"].there is StageStatus.DIFFERENT_SETTINGS
     more = planned(tiny_case("continue_cycles.max_points=40"), begun, "continue_cycles")["continue_cycles"]
-    assert (more.there, more.points, more.most) == (There.PARTIAL, 2, 40)
+    assert (more.there, more.points, more.most) == (StageStatus.PARTIAL, 2, 40)
 
 
 def test_a_second_direction_and_doubled_branches_are_still_to_come(tmp_path: Path) -> None:
     store = tmp_path / "a.zarr"
     Watched("continue_cycles", tiny_case("continue_cycles.max_points=2"), store)
     ended = planned(tiny_case("continue_cycles.max_points=2"), store, "continue_cycles")["continue_cycles"]
-    assert (ended.there, ended.seconds) == (There.COMPLETE, 0.0)
+    assert (ended.there, ended.seconds) == (StageStatus.COMPLETE, 0.0)
     longer = planned(tiny_case("continue_cycles.max_points=3"), store, "continue_cycles")["continue_cycles"]
-    assert longer.there is There.PARTIAL
+    assert longer.there is StageStatus.PARTIAL
     doubling = tiny_case("continue_cycles.doublings=1", "continue_cycles.direction='both'")
     found = planned(doubling, None, "continue_cycles")["continue_cycles"]
     assert (found.most, found.note) == (40, "without branches of doubled cycles")
@@ -83,7 +83,7 @@ def test_a_branch_that_cannot_start_has_failed(tmp_path: Path) -> None:
     case = tiny_case("continue_cycles.minimum_film=0.9")
     Watched("continue_cycles", case, tmp_path / "a.zarr")
     found = planned(case, tmp_path / "a.zarr", "continue_cycles")["continue_cycles"]
-    assert (found.there, found.points, found.seconds) == (There.FAILED, 0, 0.0)
+    assert (found.there, found.points, found.seconds) == (StageStatus.FAILED, 0, 0.0)
 
 
 def test_stages_whose_length_nobody_knows(begun: Path) -> None:
@@ -99,13 +99,13 @@ def test_bifurcations_that_are_there_are_counted_for_refinement(tmp_path: Path) 
     Watched("continue_cycles", case, tmp_path / "a.zarr")
     assert len(stored_points(open_for_reading(tmp_path / "a.zarr"), case.case_id, 1)) == 1
     found = planned(case, tmp_path / "a.zarr", "refine")["refine"]
-    assert (found.there, found.points, found.most) == (There.NOTHING, 0, 1)
+    assert (found.there, found.points, found.most) == (StageStatus.NOTHING, 0, 1)
     assert found.seconds > 0.0
 
 
 def test_without_excitation_there_is_no_plane_to_search() -> None:
     found = planned(tiny_case(config=PASSIVE), None, "continue_cycles", "bifurcation_set")
-    assert found["bifurcation_set"].there is There.COMPLETE
+    assert found["bifurcation_set"].there is StageStatus.COMPLETE
     assert found["continue_cycles"].seconds > 0.0, "measured at half the speed"
 
 
@@ -123,18 +123,18 @@ def test_a_run_in_time(tmp_path: Path) -> None:
         "transient.duration=30", "transient.steps_per_period=60", "transient.checkpoint_samples=16"
     )
     fresh = planned(case, tmp_path / "a.zarr", "transient")["transient"]
-    assert fresh.there is There.NOTHING
+    assert fresh.there is StageStatus.NOTHING
     assert fresh.seconds > 0.0
     assert fresh.note.endswith("time steps")
     Watched("transient", case, tmp_path / "a.zarr", stop_after=1)
     begun = planned(case, tmp_path / "a.zarr", "transient")["transient"]
-    assert begun.there is There.PARTIAL
+    assert begun.there is StageStatus.PARTIAL
     assert 0 < begun.points < begun.most
     Watched("transient", case, tmp_path / "a.zarr")
     ended = planned(case, tmp_path / "a.zarr", "transient")["transient"]
-    assert (ended.there, ended.seconds, ended.points) == (There.COMPLETE, 0.0, ended.most)
+    assert (ended.there, ended.seconds, ended.points) == (StageStatus.COMPLETE, 0.0, ended.most)
     other = tiny_case("transient.duration=31")
-    assert planned(other, tmp_path / "a.zarr", "transient")["transient"].there is There.NOTHING
+    assert planned(other, tmp_path / "a.zarr", "transient")["transient"].there is StageStatus.NOTHING
 
 
 def test_cases_of_the_same_grid_are_measured_once() -> None:
@@ -165,7 +165,7 @@ def test_a_branch_without_rows_is_still_to_come_when_it_is_asked_for_otherwise(t
     assert not Watched("continue_cycles", tiny_case(away), store).result.ok
     other = tiny_case("continue_cycles.max_points=2")
     found = planned(other, store, "continue_cycles")["continue_cycles"]
-    assert (found.there, found.points) == (There.NOTHING, 0)
+    assert (found.there, found.points) == (StageStatus.NOTHING, 0)
     assert Watched("continue_cycles", other, store).result.ok
 
 
@@ -173,4 +173,4 @@ def test_critical_speeds_that_failed_are_a_failure(tmp_path: Path) -> None:
     heavy = tiny_case("rotor.gravity=1000", "criticals.points=2", "criticals.unbalance_points=2")
     assert not Watched("criticals", heavy, tmp_path / "a.zarr").result.ok
     found = planned(heavy, tmp_path / "a.zarr", "criticals")["criticals"]
-    assert (found.there, found.seconds) == (There.FAILED, 0.0)
+    assert (found.there, found.seconds) == (StageStatus.FAILED, 0.0)

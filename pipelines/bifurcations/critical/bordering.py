@@ -1,4 +1,4 @@
-"""What one point of a curve hands to the next, and how the first point comes by it."""
+"""Bordering vectors of the test function: how they start, and how they follow a curve."""
 
 from __future__ import annotations
 

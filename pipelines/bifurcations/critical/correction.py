@@ -1,11 +1,11 @@
-"""What both correctors of a bifurcation curve take and return."""
+"""Input and result of the two correctors of a bifurcation curve."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from pipelines.bifurcations.critical.critical_cycles import Critical
-from pipelines.bifurcations.critical.cycle_manifold import SurfaceLinearisation
+from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation
 from pipelines.bifurcations.plane import CurveProblem, MapAt, PlaneMetric, Position
 from pipelines.orbits.floquet import orthonormal
 from pipelines.orbits.shooting import NewtonStop, advice_of, is_rounding
@@ -18,7 +18,7 @@ _PATIENCE = 4  # steps without getting on: with exact derivatives it does not ei
 
 
 @dataclass(frozen=True)
-class Closing(Constraint[Position]):
+class CurveConstraint(Constraint[Position]):
     """What fixes one point of a curve: row . u = value.
 
     ``across``: a row that tells the second tangent of the surface from the first; ``gradient``: the row
@@ -37,7 +37,7 @@ class CriticalCycle:
     ``gradient``: the row of the test function as the corrector has learnt it.
     """
 
-    linear: SurfaceLinearisation
+    linear: ManifoldLinearisation
     critical: Critical
     gradient: Position
 

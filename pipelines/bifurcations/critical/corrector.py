@@ -20,8 +20,8 @@ import numpy as np
 
 from pipelines.bifurcations.critical.bordering import vectors_of
 from pipelines.bifurcations.critical.correction import (
-    Closing,
     CriticalCycle,
+    CurveConstraint,
     CurveCorrection,
     History,
     following,
@@ -34,7 +34,7 @@ from pipelines.bifurcations.critical.critical_cycles import (
     critical_pass,
     swept_pass,
 )
-from pipelines.bifurcations.critical.cycle_manifold import SurfaceLinearisation, SurfaceStep, surface_step
+from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation, ManifoldStep, manifold_step
 from pipelines.bifurcations.critical.extended_system import correct_extended
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem, MapAt, PlaneMetric, Position
@@ -49,7 +49,7 @@ _BROYDEN_NOISE = 0.1  # share of a change of g that the settling of the basis ma
 def correct_critical(
     problem: CurveProblem,
     guess: Position,
-    closing: Closing,
+    constraint: CurveConstraint,
     basis: Matrix,
     frame: Frame,
     steps: int,
@@ -64,11 +64,11 @@ def correct_critical(
         raise ValueError("an unknown period needs a phase reference")
     at = MapAt(problem, problem.consistent(guess), steps, reference)
     if problem.formulation is CurveFormulation.EXTENDED:
-        return correct_extended(at, closing, basis, frame)
-    return _correct_bordered(at, closing, basis, frame)
+        return correct_extended(at, constraint, basis, frame)
+    return _correct_bordered(at, constraint, basis, frame)
 
 
-def settled(found: CriticalCycle, frame: Frame, tolerance: float) -> CriticalCycle:
+def with_converged_multipliers(found: CriticalCycle, frame: Frame, tolerance: float) -> CriticalCycle:
     """The same point after as many subspace iterations as its multipliers and left vectors need.
 
     ``tolerance``: residual asked of every multiplier above ``checked_modulus``, with at most
@@ -90,11 +90,11 @@ def settled(found: CriticalCycle, frame: Frame, tolerance: float) -> CriticalCyc
     return found if critical is None else CriticalCycle(passed.linear, critical, found.gradient)
 
 
-def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -> CurveCorrection:
+def _correct_bordered(at: MapAt, constraint: CurveConstraint, basis: Matrix, frame: Frame) -> CurveCorrection:
     history, vectors = History(), vectors_of(frame, at.problem.kind)
-    gradient, last = closing.gradient, 0.0
+    gradient, last = constraint.gradient, 0.0
     moved: Position | None = None
-    linear: SurfaceLinearisation | None = None
+    linear: ManifoldLinearisation | None = None
     for _ in range(at.problem.options.iterations + 1):
         passed = critical_pass(at, basis, vectors, linear)
         if passed is None:
@@ -104,19 +104,19 @@ def _correct_bordered(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) 
             return history.ended(NewtonStop.SINGULAR)
         linear = passed.linear
         if moved is not None:
-            gradient = _learnt(gradient, moved, critical.value - last, critical.error, closing.metric)
-        history = history.and_then(max(linear.residual, closing.error(at.position)), critical.value)
+            gradient = _learnt(gradient, moved, critical.value - last, critical.error, constraint.metric)
+        history = history.and_then(max(linear.residual, constraint.error(at.position)), critical.value)
         if history.converged(at.problem, critical.error):
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, gradient))
         if history.diverged:
             return history.given_up(NewtonStop.DIVERGED, at)
         if history.stuck(at.problem):
             return history.given_up(NewtonStop.STUCK, at)
-        step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
+        step = manifold_step(linear, (constraint.row, constraint.across), (constraint.gap(at.position), 0.0))
         if step is None:
             return history.ended(NewtonStop.SINGULAR)
         if history.stalls:
-            gradient = _measured(linear, critical, gradient, step, closing.metric)
+            gradient = _measured(linear, critical, gradient, step, constraint.metric)
         slope = gradient.dot(step.across)
         if slope == 0.0:
             return history.ended(NewtonStop.SINGULAR)
@@ -139,10 +139,10 @@ def _learnt(
 
 
 def _measured(
-    linear: SurfaceLinearisation,
+    linear: ManifoldLinearisation,
     critical: Critical,
     gradient: Position,
-    step: SurfaceStep,
+    step: ManifoldStep,
     metric: PlaneMetric,
 ) -> Position:
     """The gradient row made exact along both parts of the step, for the price of two pairs of passes."""

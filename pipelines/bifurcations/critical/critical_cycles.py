@@ -15,7 +15,7 @@ import numpy as np
 
 from pipelines.bifurcations.critical.cycle_manifold import (
     RESIDUAL_TOLERANCE,
-    SurfaceLinearisation,
+    ManifoldLinearisation,
     Swept,
     linearise,
     outside,
@@ -36,7 +36,7 @@ class Frame:
     ``right``, ``left`` (N,): unit null vectors, the bordering of the next point, with the parts
     ``right_period`` and ``left_phase`` of a cycle of unknown period; a Neimark-Sacker curve keeps an
     orthonormal basis of the invariant plane in them and ``kappa`` = cos theta.  Period parts are in units of
-    ``surface.period_unit``.
+    ``cycle_manifold.period_unit``.
     """
 
     right: Vector
@@ -88,7 +88,7 @@ class CriticalPass:
     phase row of a fold of unknown period.
     """
 
-    linear: SurfaceLinearisation
+    linear: ManifoldLinearisation
     vectors: Vectors
     matrix: Matrix
     defect: Matrix
@@ -97,7 +97,7 @@ class CriticalPass:
 
 
 def critical_pass(
-    at: MapAt, basis: Matrix, vectors: Vectors, warm: SurfaceLinearisation | None = None
+    at: MapAt, basis: Matrix, vectors: Vectors, warm: ManifoldLinearisation | None = None
 ) -> CriticalPass | None:
     """One full pass with the critical vectors and the sweeps that belong to it; None when it diverges."""
     image = at.full_pass(np.hstack([basis, vectors.columns]))
@@ -105,7 +105,7 @@ def critical_pass(
 
 
 def swept_pass(
-    at: MapAt, basis: Matrix, vectors: Vectors, image: PeriodImage, warm: SurfaceLinearisation | None = None
+    at: MapAt, basis: Matrix, vectors: Vectors, image: PeriodImage, warm: ManifoldLinearisation | None = None
 ) -> CriticalPass:
     """The sweeps that belong to a full pass with the columns [basis, vectors]; ``warm`` as in
     ``linearise``.
@@ -159,7 +159,7 @@ class CriticalDerivatives:
 
 
 def critical_derivatives(
-    linear: SurfaceLinearisation, critical: Critical, directions: tuple[Position, ...], metric: PlaneMetric
+    linear: ManifoldLinearisation, critical: Critical, directions: tuple[Position, ...], metric: PlaneMetric
 ) -> CriticalDerivatives:
     """dg and d tr A along each direction, from one pair of passes with the m critical columns per
     direction.
@@ -196,7 +196,7 @@ def left_products(
     return np.asarray(total)
 
 
-def with_sharp_left(linear: SurfaceLinearisation, critical: Critical, tolerance: float) -> Critical:
+def with_sharp_left(linear: ManifoldLinearisation, critical: Critical, tolerance: float) -> Critical:
     """The same with left vectors that do not suffer from what V lacks to be invariant.
 
     With R = Q M V, eliminating the part of L outside V from L'M = A L' leaves for Y = L'V, of shape (m, k),
@@ -224,9 +224,9 @@ def with_sharp_left(linear: SurfaceLinearisation, critical: Critical, tolerance:
     slow = basis.T @ critical.right
     across = critical.left if count == 1 else slow
     wanted = across.T @ across if count == 1 else np.eye(count)
-    closing = np.kron(np.eye(count), across.T)
+    constraint = np.kron(np.eye(count), across.T)
     sides = np.concatenate([np.zeros(len(system)), wanted.ravel()])
-    solution = np.linalg.lstsq(np.vstack([system, closing]), sides)[0].reshape(count, columns)
+    solution = np.linalg.lstsq(np.vstack([system, constraint]), sides)[0].reshape(count, columns)
     left = np.ascontiguousarray(solution.T)
     if count == 2:
         return replace(critical, left=left)

@@ -62,7 +62,7 @@ def _pair_in_basis(passed: CriticalPass, fixed: Matrix) -> tuple[Matrix, Matrix]
     vectors, matrix = passed.vectors.columns + swept.columns, passed.matrix
     mapped = passed.defect + passed.vectors.columns @ matrix + swept.image
     projected = basis.T @ passed.linear.image.columns
-    closing = fixed.T @ basis
+    constraint = fixed.T @ basis
     # the columns of V a that W_old'(W - W_old) = 0 fixes
     normal = fixed.T @ passed.vectors.columns
     size = 2 * columns
@@ -72,7 +72,7 @@ def _pair_in_basis(passed: CriticalPass, fixed: Matrix) -> tuple[Matrix, Matrix]
         system = np.zeros((size + 4, size + 4))
         system[:size, :size] = np.kron(projected, np.eye(2)) - np.kron(np.eye(columns), matrix.T)
         system[:size, size:] = -np.kron(basis.T @ vectors, np.eye(2))
-        system[size:, :size] = np.kron(closing, np.eye(2))
+        system[size:, :size] = np.kron(constraint, np.eye(2))
         right = np.concatenate([-defect.ravel(), (normal - fixed.T @ vectors).ravel()])
         try:
             solution = np.linalg.solve(system, right)

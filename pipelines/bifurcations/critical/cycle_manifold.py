@@ -78,7 +78,7 @@ def outside(basis: Matrix, columns: Matrix) -> Matrix:
 
 
 @dataclass(frozen=True)
-class SurfaceLinearisation:
+class ManifoldLinearisation:
     """The map and its derivatives at a position near the surface of cycles.
 
     ``sources`` (N, 3 or 4): r, phi_1, phi_2 and phi_T; ``swept``: their Picard parts.
@@ -117,8 +117,8 @@ def linearise(
     image: PeriodImage,
     defect: Matrix,
     inverse: Matrix,
-    warm: SurfaceLinearisation | None = None,
-) -> tuple[SurfaceLinearisation, Swept]:
+    warm: ManifoldLinearisation | None = None,
+) -> tuple[ManifoldLinearisation, Swept]:
     """The Picard parts that belong to a full pass, and in the same sweeps those of a ``defect`` (N, m) of
     critical vectors: q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
 
@@ -141,10 +141,10 @@ def linearise(
     swept = sweep(at, basis, together, both, tolerances, guess, sizes)
     surface = Swept(swept.columns[:, :count], swept.image[:, :count], swept.phase[:count])
     rest = Swept(swept.columns[:, count:], swept.image[:, count:], swept.phase[count:])
-    return SurfaceLinearisation(at, basis, image, sources, surface), rest
+    return ManifoldLinearisation(at, basis, image, sources, surface), rest
 
 
-def surface_rows(linear: SurfaceLinearisation) -> tuple[Matrix, Vector]:
+def manifold_rows(linear: ManifoldLinearisation) -> tuple[Matrix, Vector]:
     """Matrix and right side of the periodicity (and phase) rows; unknowns (a, dl_1, dl_2[, dT])."""
     basis, image, swept = linear.basis, linear.image, linear.swept
     # V'(M - I)V a + V'(phi_j + M q_j) dl_j + V'(phi_T + M q_T) dT = -V'(r + M q_r)
@@ -159,7 +159,7 @@ def surface_rows(linear: SurfaceLinearisation) -> tuple[Matrix, Vector]:
     return matrix, right
 
 
-def position_of(linear: SurfaceLinearisation, solution: Vector, with_residual: bool) -> Position:
+def position_of(linear: ManifoldLinearisation, solution: Vector, with_residual: bool) -> Position:
     """ds = V a + sum_j q_j dl_j + q_T dT (+ q_r) as a direction."""
     columns = linear.basis.shape[1]
     weights = np.concatenate([[1.0 if with_residual else 0.0], solution[columns:]])
@@ -169,7 +169,7 @@ def position_of(linear: SurfaceLinearisation, solution: Vector, with_residual: b
 
 
 @dataclass(frozen=True)
-class SurfaceStep:
+class ManifoldStep:
     """The Newton correction towards the surface and its tangents with row_i . tangent_j = 1 for i = j, else
     0.
     """
@@ -179,40 +179,40 @@ class SurfaceStep:
     across: Position
 
 
-def surface_step(
-    linear: SurfaceLinearisation, rows: tuple[Position, Position], gaps: tuple[float, float]
-) -> SurfaceStep | None:
+def manifold_step(
+    linear: ManifoldLinearisation, rows: tuple[Position, Position], gaps: tuple[float, float]
+) -> ManifoldStep | None:
     """Solve the system drawn at the head of this module for its three right sides; None when it is
     singular.
     """
-    matrix, right = surface_rows(linear)
+    matrix, right = manifold_rows(linear)
     basis, swept = linear.basis, linear.swept.columns
     given = len(right)
-    closing = np.zeros((2, matrix.shape[1]))
+    constraint = np.zeros((2, matrix.shape[1]))
     sides = np.zeros((given + 2, 3))
     sides[:given, 0] = right
     for i, row in enumerate(rows):
         # row_s (V a + q) + row_j dl_j + row_T dT = -gap
         direct = np.append(row.parameters, row.period)[: swept.shape[1] - 1]
-        closing[i] = np.concatenate([row.state @ basis, direct + row.state @ swept[:, 1:]])
+        constraint[i] = np.concatenate([row.state @ basis, direct + row.state @ swept[:, 1:]])
         sides[given + i, 0] = -gaps[i] - row.state @ swept[:, 0]
         sides[given + i, 1 + i] = 1.0
     try:
-        solution = np.asarray(np.linalg.solve(np.vstack([matrix, closing]), sides), dtype=np.float64)
+        solution = np.asarray(np.linalg.solve(np.vstack([matrix, constraint]), sides), dtype=np.float64)
     except np.linalg.LinAlgError:
         return None
     if not np.all(np.isfinite(solution)):
         return None
-    return SurfaceStep(
+    return ManifoldStep(
         position_of(linear, solution[:, 0], True),
         position_of(linear, solution[:, 1], False),
         position_of(linear, solution[:, 2], False),
     )
 
 
-def surface_tangents(linear: SurfaceLinearisation, metric: PlaneMetric) -> tuple[Position, Position]:
+def manifold_tangents(linear: ManifoldLinearisation, metric: PlaneMetric) -> tuple[Position, Position]:
     """Two orthonormal tangents of the surface without any closing row: the null space of its rows."""
-    matrix, _ = surface_rows(linear)
+    matrix, _ = manifold_rows(linear)
     _, _, right = np.linalg.svd(matrix)
     first, second = (position_of(linear, vector, False) for vector in right[-2:])
     first = metric.unit(first)

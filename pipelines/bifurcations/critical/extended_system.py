@@ -22,8 +22,8 @@ import numpy as np
 
 from pipelines.bifurcations.critical.bordering import vectors_of
 from pipelines.bifurcations.critical.correction import (
-    Closing,
     CriticalCycle,
+    CurveConstraint,
     CurveCorrection,
     History,
     following,
@@ -36,10 +36,10 @@ from pipelines.bifurcations.critical.critical_cycles import (
     critical_pass,
 )
 from pipelines.bifurcations.critical.cycle_manifold import (
-    SurfaceLinearisation,
-    SurfaceStep,
+    ManifoldLinearisation,
+    ManifoldStep,
     Swept,
-    surface_step,
+    manifold_step,
     sweep,
 )
 from pipelines.bifurcations.critical.testfunctions import critical_of
@@ -49,7 +49,7 @@ from pipelines.orbits.shooting import NewtonStop
 from pipelines.orbits.system import Matrix, Vector
 
 
-def correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -> CurveCorrection:
+def correct_extended(at: MapAt, constraint: CurveConstraint, basis: Matrix, frame: Frame) -> CurveCorrection:
     """Newton's method for position, critical vectors and angle together, from the bordered solution."""
     history, kind = History(), at.problem.kind
     opening = critical_pass(at, basis, vectors_of(frame, kind))
@@ -71,20 +71,20 @@ def correct_extended(at: MapAt, closing: Closing, basis: Matrix, frame: Frame) -
         linear = passed.linear
         defect = passed.defect + vectors @ (passed.matrix - _rotation(kind, angle)[0])
         size = float(np.max(np.abs(defect)) / np.max(np.abs(vectors)))
-        history = history.and_then(max(linear.residual, closing.error(at.position)), size)
+        history = history.and_then(max(linear.residual, constraint.error(at.position)), size)
         if history.converged(at.problem, 0.0):
             critical = critical_of(passed, frame)
             if critical is None:
                 return history.ended(NewtonStop.SINGULAR)
-            return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, closing.gradient))
+            return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, constraint.gradient))
         if history.diverged:
             return history.given_up(NewtonStop.DIVERGED, at)
         if history.stuck(at.problem):
             return history.given_up(NewtonStop.STUCK, at)
-        step = surface_step(linear, (closing.row, closing.across), (closing.gap(at.position), 0.0))
+        step = manifold_step(linear, (constraint.row, constraint.across), (constraint.gap(at.position), 0.0))
         if step is None:
             return history.ended(NewtonStop.SINGULAR)
-        update = _extended_step(linear, vectors, angle, defect, reference, step, closing.metric)
+        update = _extended_step(linear, vectors, angle, defect, reference, step, constraint.metric)
         if update is None:
             return history.ended(NewtonStop.SINGULAR)
         at = at.beside(step.correction.plus(step.across, update.beta), 1.0)
@@ -128,12 +128,12 @@ class _ExtendedStep:
 
 
 def _extended_step(
-    linear: SurfaceLinearisation,
+    linear: ManifoldLinearisation,
     vectors: Matrix,
     angle: float,
     defect: Matrix,
     reference: Matrix,
-    step: SurfaceStep,
+    step: ManifoldStep,
     metric: PlaneMetric,
 ) -> _ExtendedStep | None:
     """The Newton step of (R, theta, beta) drawn at the head of this module, R = V Y + q."""
@@ -172,7 +172,7 @@ def _normalisations(vectors: Matrix, reference: Matrix) -> list[tuple[Matrix, fl
 
 
 def _solve_slow(
-    linear: SurfaceLinearisation,
+    linear: ManifoldLinearisation,
     matrix: Matrix,
     sources: Matrix,
     swept: Swept,

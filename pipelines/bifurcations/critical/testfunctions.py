@@ -1,4 +1,4 @@
-"""Test functions of period-doubling and fold curves in the slow subspace; of the others by their kind.
+"""Test functions of the kinds of curves: eigenvalue -1 or 1 in the slow subspace, or a critical pair.
 
 With H = V'MV, the bordered (minimally augmented) condition of a period doubling (sigma = -1) or of a fold of
 cycles of known period (sigma = 1) is g = 0 in
@@ -31,7 +31,7 @@ from pipelines.bifurcations.critical.critical_cycles import (
     with_period,
 )
 from pipelines.bifurcations.critical.critical_pair import invariant_pair
-from pipelines.bifurcations.critical.cycle_manifold import SurfaceLinearisation
+from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation
 from pipelines.bifurcations.detection import EventKind
 from pipelines.orbits.system import Matrix
 
@@ -48,8 +48,8 @@ def _bordered(passed: CriticalPass, frame: Frame) -> Critical | None:
     matrix, basis = critical_matrix(linear), linear.basis
     size, columns = len(matrix), basis.shape[1]
     border = np.append(basis.T @ frame.left, frame.left_phase)[:size]
-    closing = np.append(basis.T @ frame.right, frame.right_period)[:size]
-    system = np.block([[matrix, border[:, None]], [closing[None, :], np.zeros((1, 1))]])
+    constraint = np.append(basis.T @ frame.right, frame.right_period)[:size]
+    system = np.block([[matrix, border[:, None]], [constraint[None, :], np.zeros((1, 1))]])
     old = passed.vectors
     rest = np.append(basis.T @ (passed.defect + swept.image), passed.phase_defect + swept.phase[0])[:size]
     gap = frame.right @ (old.columns + swept.columns)[:, 0] + frame.right_period * old.period - 1.0
@@ -81,7 +81,7 @@ def _bordered(passed: CriticalPass, frame: Frame) -> Critical | None:
     )
 
 
-def critical_matrix(linear: SurfaceLinearisation) -> Matrix:
+def critical_matrix(linear: ManifoldLinearisation) -> Matrix:
     """H - sigma I, bordered by phi_T and the phase condition for a fold of unknown period."""
     basis, image, swept = linear.basis, linear.image, linear.swept
     matrix = basis.T @ image.columns - target_multiplier(linear.at.problem.kind) * np.eye(basis.shape[1])

@@ -155,12 +155,14 @@ def crossed(before: Vector, after: Vector) -> tuple[SpecialKind, ...]:
     """
     return tuple(
         special
-        for special, old, new in zip(SpecialKind, settled(before), settled(after), strict=True)
+        for special, old, new in zip(
+            SpecialKind, without_rounding(before), without_rounding(after), strict=True
+        )
         if math.isfinite(old) and math.isfinite(new) and old * new <= 0.0 and old != 0.0
     )
 
 
-def settled(tests: Vector) -> Vector:
+def without_rounding(tests: Vector) -> Vector:
     """The tests with those that are zero to rounding set to zero."""
     return np.where(np.abs(tests) < _ZERO, 0.0, tests)
 

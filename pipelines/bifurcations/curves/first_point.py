@@ -10,10 +10,10 @@ import numpy as np
 
 from pipelines.bifurcations.continuation import Rejected, period_scale
 from pipelines.bifurcations.critical.bordering import first_frame, vectors_of
-from pipelines.bifurcations.critical.correction import Closing, CriticalCycle
+from pipelines.bifurcations.critical.correction import CriticalCycle, CurveConstraint
 from pipelines.bifurcations.critical.corrector import correct_critical
 from pipelines.bifurcations.critical.critical_cycles import Frame, critical_derivatives, critical_pass
-from pipelines.bifurcations.critical.cycle_manifold import surface_tangents
+from pipelines.bifurcations.critical.cycle_manifold import manifold_tangents
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveStart, CurveState, SpecialKind
 from pipelines.bifurcations.curves.codimension_two import resonant_end
@@ -26,7 +26,7 @@ from pipelines.orbits.system import Matrix
 from pipelines.orbits.time_steps import StepDemand, demand_at, first_steps
 
 
-def open_curve(
+def start_curve(
     problem: CurveProblem, start: CurveStart, options: CurveOptions
 ) -> tuple[CurvePoint, CurveState] | Rejected:
     """Correct the guess at right angles to the curve and orient the curve."""
@@ -37,7 +37,7 @@ def open_curve(
         Position(np.array(start.state, dtype=float), start.period, np.array(start.parameters, dtype=float))
     )
     unknowns, cycles = problem.unknowns(guess), problem.cycle_problem(guess)
-    metric = metric_from(problem, options, guess)
+    metric = curve_metric(problem, options, guess)
     steps = first_steps(cycles, unknowns)
     if isinstance(steps, NewtonStop):
         return Rejected(steps.advice)
@@ -56,7 +56,7 @@ def open_curve(
     opened = replace(opened, point=replace(opened.point, step_error=demand.error))
     at = opened.position
     if problem.period_map.autonomous:
-        opened = _measured_by(opened, metric_from(problem, options, at))
+        opened = _measured_by(opened, curve_metric(problem, options, at))
     state = CurveState(
         index=0,
         step=options.step,
@@ -74,7 +74,7 @@ def open_curve(
     return opened.point, state
 
 
-def metric_from(problem: CurveProblem, options: CurveOptions, first: Position) -> PlaneMetric:
+def curve_metric(problem: CurveProblem, options: CurveOptions, first: Position) -> PlaneMetric:
     """The metric of a curve with this first point."""
     period = period_scale(first.state, first.period, options.maximum_step)
     return metric_of(problem, options.parameter_scales, period)
@@ -103,20 +103,20 @@ def _open_with(
     if problem.kind is not EventKind.FOLD:
         # a guess that is no cycle yet: a cycle at the same parameters first
         cycles = problem.cycle_problem(guess)
-        constraint = cycles.fixed_parameter(float(guess.parameters[0]))
-        correction = correct(cycles, problem.unknowns(guess), constraint, basis, steps, reference)
+        held = cycles.fixed_parameter(float(guess.parameters[0]))
+        correction = correct(cycles, problem.unknowns(guess), held, basis, steps, reference)
         if correction.cycle is not None:
             cycle = correction.cycle
             basis = cycle.basis
             guess = Position(cycle.unknowns.state, cycle.unknowns.period, guess.parameters)
-    closing_frame = _first_closing(MapAt(problem, guess, steps, reference), basis, start, options, metric)
-    if isinstance(closing_frame, str):
-        return closing_frame
-    closing, frame, along = closing_frame
-    corrected = correct_critical(problem, guess, closing, basis, frame, steps, reference)
+    first = _first_constraint(MapAt(problem, guess, steps, reference), basis, start, options, metric)
+    if isinstance(first, str):
+        return first
+    constraint, frame, along = first
+    corrected = correct_critical(problem, guess, constraint, basis, frame, steps, reference)
     if corrected.point is None:
         return corrected.advice
-    end = curve_end(corrected, corrected.point, closing, along, options.normal_form, frame)
+    end = curve_end(corrected, corrected.point, constraint, along, options.normal_form, frame)
     return "the tangent of the first point is singular" if end is None else end
 
 
@@ -130,19 +130,19 @@ def _facing_inwards(
     """
     row = metric.row(end.tangent)
     guess = end.position.plus(end.tangent, math.sqrt(options.step * options.minimum_step))
-    closing = Closing(row, row.dot(guess), metric.row(end.normal), end.gradient, metric)
+    constraint = CurveConstraint(row, row.dot(guess), metric.row(end.normal), end.gradient, metric)
     cycle = end.point.cycle
     reference = reference_of(problem.cycle_problem(end.position), problem.unknowns(end.position), cycle.steps)
-    found = correct_critical(problem, guess, closing, cycle.basis, end.frame, cycle.steps, reference).point
+    found = correct_critical(problem, guess, constraint, cycle.basis, end.frame, cycle.steps, reference).point
     inwards = end.kappa_slope * end.point.kappa < 0.0 if found is None else abs(found.critical.kappa) < 1.0
     if inwards:
         return end
     return replace(end, tangent=end.tangent.scaled(-1.0), kappa_slope=-end.kappa_slope)
 
 
-def _first_closing(
+def _first_constraint(
     at: MapAt, basis: Matrix, start: CurveStart, options: CurveOptions, metric: PlaneMetric
-) -> tuple[Closing, Frame, Position] | str:
+) -> tuple[CurveConstraint, Frame, Position] | str:
     """The plane across the curve at the guess, the frame there and the tangent in the wanted sense."""
     frame = first_frame(at, basis, start.angle)
     passed = None if frame is None else critical_pass(at, basis, vectors_of(frame, at.problem.kind))
@@ -150,7 +150,7 @@ def _first_closing(
     if frame is None or passed is None or critical is None:
         return "the orbit of the guess leaves the domain of the equations or has no critical multipliers"
     linear = passed.linear
-    first, second = surface_tangents(linear, metric)
+    first, second = manifold_tangents(linear, metric)
     derivatives = critical_derivatives(linear, critical, (first, second), metric)
     g1, g2 = derivatives.values
     size = float(np.hypot(g1, g2))
@@ -162,7 +162,7 @@ def _first_closing(
     upwards = -1.0 if along.parameters[0] < 0.0 else 1.0
     along = along.scaled(upwards * options.direction)
     row, beside = metric.row(along), metric.row(across)
-    return Closing(row, row.dot(at.position), beside, beside.scaled(size), metric), frame, along
+    return CurveConstraint(row, row.dot(at.position), beside, beside.scaled(size), metric), frame, along
 
 
 def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:

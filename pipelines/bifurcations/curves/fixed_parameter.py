@@ -16,10 +16,10 @@ import numpy as np
 
 from pipelines.bifurcations.continuation import STEP_GROWTH
 from pipelines.bifurcations.critical.bordering import first_frame, vectors_of
-from pipelines.bifurcations.critical.correction import Closing, CriticalCycle
+from pipelines.bifurcations.critical.correction import CriticalCycle, CurveConstraint
 from pipelines.bifurcations.critical.corrector import correct_critical
 from pipelines.bifurcations.critical.critical_cycles import Frame, critical_derivatives, critical_pass
-from pipelines.bifurcations.critical.cycle_manifold import surface_tangents
+from pipelines.bifurcations.critical.cycle_manifold import manifold_tangents
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.curve import CurveStart
 from pipelines.bifurcations.curves.first_point import demand_of
@@ -31,7 +31,7 @@ from pipelines.orbits.time_steps import first_steps
 
 
 @dataclass(frozen=True)
-class PinnedPoint:
+class FixedParameterPoint:
     """A bifurcation point: both parameters (2,), ``state`` (N,), period, critical angle in [0, pi] and the
     time steps per period.
     """
@@ -44,55 +44,55 @@ class PinnedPoint:
 
 
 @dataclass(frozen=True)
-class NotPinned:
+class NotLocated:
     """Why the corrector found no bifurcation point, with what to change."""
 
     advice: str
 
 
-def pinned_point(
+def locate_at_fixed_parameter(
     problem: CurveProblem, start: CurveStart, held: int, metric: PlaneMetric, steps: int | None = None
-) -> PinnedPoint | NotPinned:
+) -> FixedParameterPoint | NotLocated:
     """The bifurcation point near ``start`` whose parameter ``problem.names[held]`` is that of the start.
 
     ``steps``: per period; chosen by the problem's step tolerance when None.  Every failure is a result.
     """
     guess = problem.consistent(Position(np.array(start.state), start.period, np.array(start.parameters)))
     try:
-        return _pinned(problem, guess, held, metric, start.angle, steps)
+        return _located(problem, guess, held, metric, start.angle, steps)
     except np.linalg.LinAlgError:
-        return NotPinned("a matrix of the corrector is singular")
+        return NotLocated("a matrix of the corrector is singular")
 
 
-def _pinned(
+def _located(
     problem: CurveProblem,
     guess: Position,
     held: int,
     metric: PlaneMetric,
     angle: float | None,
     steps: int | None,
-) -> PinnedPoint | NotPinned:
+) -> FixedParameterPoint | NotLocated:
     cycles, unknowns = problem.cycle_problem(guess), problem.unknowns(guess)
     chosen = steps is None
     if steps is None:
         first = first_steps(cycles, unknowns)
         if isinstance(first, NewtonStop):
-            return NotPinned(first.advice)
+            return NotLocated(first.advice)
         steps = first
     found = _corrected(problem, guess, held, metric, first_basis(cycles, unknowns, steps), angle, steps)
     for _ in range(2):
-        if isinstance(found, NotPinned) or not chosen:
+        if isinstance(found, NotLocated) or not chosen:
             break
         needed = demand_of(problem, found, steps).steps
         if needed <= steps:
             break
         steps = problem.period_map.rounded_steps(STEP_GROWTH * needed)
         found = _corrected(problem, found.position, held, metric, found.basis, angle, steps)
-    if isinstance(found, NotPinned):
+    if isinstance(found, NotLocated):
         return found
     at, kappa = found.position, min(1.0, max(-1.0, found.critical.kappa))
     held_at, free_at = (float(value) for value in at.parameters)
-    return PinnedPoint((held_at, free_at), at.state, at.period, float(np.arccos(kappa)), steps)
+    return FixedParameterPoint((held_at, free_at), at.state, at.period, float(np.arccos(kappa)), steps)
 
 
 def _corrected(
@@ -103,37 +103,41 @@ def _corrected(
     basis: Matrix,
     angle: float | None,
     steps: int,
-) -> CriticalCycle | NotPinned:
+) -> CriticalCycle | NotLocated:
     """The critical cycle with a given number of steps: a cycle first, then its criticality as well."""
     cycles, unknowns = problem.cycle_problem(guess), problem.unknowns(guess)
     reference = reference_of(cycles, unknowns, steps)
     if problem.kind is not EventKind.FOLD:  # at a fold no cycle need exist with both parameters held
-        constraint = cycles.fixed_parameter(unknowns.parameter)
-        corrected = correct(cycles, unknowns, constraint, basis, steps, reference)
+        fixed = cycles.fixed_parameter(unknowns.parameter)
+        corrected = correct(cycles, unknowns, fixed, basis, steps, reference)
         if corrected.cycle is None:
-            return NotPinned(corrected.advice)
+            return NotLocated(corrected.advice)
         at = corrected.cycle.unknowns
         basis, guess = corrected.cycle.basis, replace(guess, state=at.state, period=at.period)
     here = MapAt(problem, guess, steps, reference)
     frame = first_frame(here, basis, angle)
-    closing = None if frame is None else _closing(here, basis, frame, held, metric)
-    if frame is None or closing is None:
-        return NotPinned("the guess has no critical multipliers, or they do not move with the free parameter")
-    found = correct_critical(problem, guess, closing, basis, frame, steps, reference)
-    return NotPinned(found.advice) if found.point is None else found.point
+    constraint = None if frame is None else _constraint(here, basis, frame, held, metric)
+    if frame is None or constraint is None:
+        return NotLocated(
+            "the guess has no critical multipliers, or they do not move with the free parameter"
+        )
+    found = correct_critical(problem, guess, constraint, basis, frame, steps, reference)
+    return NotLocated(found.advice) if found.point is None else found.point
 
 
-def _closing(at: MapAt, basis: Matrix, frame: Frame, held: int, metric: PlaneMetric) -> Closing | None:
+def _constraint(
+    at: MapAt, basis: Matrix, frame: Frame, held: int, metric: PlaneMetric
+) -> CurveConstraint | None:
     """The row that holds the parameter, the direction that is left and the slopes of the test function."""
     passed = critical_pass(at, basis, vectors_of(frame, at.problem.kind))
     critical = None if passed is None else critical_of(passed, frame)
     if passed is None or critical is None:
         return None
-    first, second = surface_tangents(passed.linear, metric)
+    first, second = manifold_tangents(passed.linear, metric)
     slopes = critical_derivatives(passed.linear, critical, (first, second), metric).values
     along = first.scaled(second.parameters[held]).plus(second, -first.parameters[held])
     if metric.norm(along) == 0.0 or float(np.hypot(*slopes)) == 0.0:
         return None
     gradient = metric.row(first).scaled(float(slopes[0])).plus(metric.row(second), float(slopes[1]))
     row = at.problem.row_of_parameter(held)
-    return Closing(row, row.dot(at.position), metric.row(along), gradient, metric)
+    return CurveConstraint(row, row.dot(at.position), metric.row(along), gradient, metric)

@@ -9,15 +9,15 @@ from scipy.optimize import brentq
 
 from pipelines.bifurcations.continuation import CubicPiece
 from pipelines.bifurcations.critical.bordering import following_frame
-from pipelines.bifurcations.critical.correction import Closing, CriticalCycle, CurveCorrection
-from pipelines.bifurcations.critical.corrector import correct_critical, settled
+from pipelines.bifurcations.critical.correction import CriticalCycle, CurveConstraint, CurveCorrection
+from pipelines.bifurcations.critical.corrector import correct_critical, with_converged_multipliers
 from pipelines.bifurcations.critical.critical_cycles import (
     Critical,
     Frame,
     critical_derivatives,
     with_sharp_left,
 )
-from pipelines.bifurcations.critical.cycle_manifold import surface_step
+from pipelines.bifurcations.critical.cycle_manifold import manifold_step
 from pipelines.bifurcations.curve import CurvePoint, SpecialKind, SpecialPoint
 from pipelines.bifurcations.curves.codimension_two import (
     genuine,
@@ -27,7 +27,7 @@ from pipelines.bifurcations.curves.codimension_two import (
 )
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
-from pipelines.bifurcations.normal_forms.smoothed import stored_form
+from pipelines.bifurcations.normal_forms.smoothed import smoothed_normal_form
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
 from pipelines.orbits.floquet import floquet_spectrum
 from pipelines.orbits.period_map import PhaseReference
@@ -61,7 +61,7 @@ class CurveEnd:
 def curve_end(
     correction: CurveCorrection,
     found: CriticalCycle,
-    closing: Closing,
+    constraint: CurveConstraint,
     sense: Position,
     options: NormalFormOptions | None,
     frame: Frame,
@@ -75,19 +75,19 @@ def curve_end(
     g_2 t_1 - g_1 t_2.
     """
     sharp = found.linear.at.problem.options.multiplier_tolerance
-    found = settled(found, frame, sharp if precise else max(sharp, _RECORDED))
+    found = with_converged_multipliers(found, frame, sharp if precise else max(sharp, _RECORDED))
     left = _SHARP_LEFT if precise else _RECORDED_LEFT
     if precise or options is not None:
         found = replace(found, critical=with_sharp_left(found.linear, found.critical, left))
     linear, critical = found.linear, found.critical
-    slopes = _surface_slopes(found, closing)
+    slopes = _surface_slopes(found, constraint)
     if slopes is None:
         return None
     (first, second), (g1, g2), (trace1, trace2) = slopes
     size = float(np.hypot(g1, g2))
     if not (size > 0.0 and np.isfinite(size)):
         return None
-    metric = closing.metric
+    metric = constraint.metric
     tangent = first.scaled(g2 / size).plus(second, -g1 / size)
     turned = -1.0 if metric.inner(tangent, sense) < 0.0 else 1.0
     tangent = tangent.scaled(turned)
@@ -98,8 +98,8 @@ def curve_end(
     form: NormalForm | None = None
     if options is not None:
         plane = metric.row(tangent)
-        across = Closing(plane, plane.dot(found.position), metric.row(normal), gradient, metric)
-        form = stored_form(found, frame, across, options)
+        across = CurveConstraint(plane, plane.dot(found.position), metric.row(normal), gradient, metric)
+        form = smoothed_normal_form(found, frame, across, options)
     point = _point(correction, found, form)
     tests = special_tests(
         linear.at.problem.kind,
@@ -126,11 +126,11 @@ Pair = tuple[float, float]
 
 
 def _surface_slopes(
-    found: CriticalCycle, closing: Closing
+    found: CriticalCycle, constraint: CurveConstraint
 ) -> tuple[tuple[Position, Position], Pair, Pair] | None:
     """Orthonormal tangents of the surface of cycles with the derivatives of g and of tr A along them."""
-    linear, metric = found.linear, closing.metric
-    step = surface_step(linear, (closing.row, closing.across), (0.0, 0.0))
+    linear, metric = found.linear, constraint.metric
+    step = manifold_step(linear, (constraint.row, constraint.across), (0.0, 0.0))
     if step is None:
         return None
     first = metric.unit(step.along)
@@ -229,27 +229,27 @@ class CurveSegment(CubicPiece[Position]):
             Anchor(1.0, end.position, end.point.cycle.basis, end.frame, end.gradient),
         )
 
-    def closing_at(self, fraction: float, anchor: Anchor) -> Closing:
+    def constraint_at(self, fraction: float, anchor: Anchor) -> CurveConstraint:
         """The plane of a fraction."""
         row = self.metric.row(self.chord)
         value = row.dot(self.start) + fraction * row.dot(self.chord)
-        return Closing(row, value, self.across, anchor.gradient, self.metric)
+        return CurveConstraint(row, value, self.across, anchor.gradient, self.metric)
 
     def correct_at(self, fraction: float, anchor: Anchor) -> CurveCorrection:
         """The point at a fraction of the segment; the cubic is as wrong there as it is at the anchor."""
         wrong = anchor.position.minus(self.guess(anchor.fraction))
         guess = self.guess(fraction).plus(wrong)
-        return self.correct_on(guess, self.closing_at(fraction, anchor), anchor)
+        return self.correct_on(guess, self.constraint_at(fraction, anchor), anchor)
 
     def missed_at(self, fraction: float) -> float | None:
         """Distance of the point at a fraction from the cubic; None when it does not converge."""
         point = self.correct_at(fraction, self.anchors[0]).point
         return None if point is None else self.metric.norm(point.position.minus(self.guess(fraction)))
 
-    def correct_on(self, guess: Position, closing: Closing, anchor: Anchor) -> CurveCorrection:
+    def correct_on(self, guess: Position, constraint: CurveConstraint, anchor: Anchor) -> CurveCorrection:
         """The point near ``guess`` on another closing row."""
         return correct_critical(
-            self.problem, guess, closing, anchor.basis, anchor.frame, self.steps, self.reference
+            self.problem, guess, constraint, anchor.basis, anchor.frame, self.steps, self.reference
         )
 
 
@@ -271,8 +271,8 @@ class SegmentPoints:
         key = fraction, options is not None, precise
         if key not in self._ends:
             correction, point, anchor = self._at(fraction)
-            closing, chord = self.segment.closing_at(fraction, anchor), self.segment.chord
-            end = curve_end(correction, point, closing, chord, options, anchor.frame, precise)
+            constraint, chord = self.segment.constraint_at(fraction, anchor), self.segment.chord
+            end = curve_end(correction, point, constraint, chord, options, anchor.frame, precise)
             if end is None:
                 raise NotConvergedError
             self._ends[key] = end

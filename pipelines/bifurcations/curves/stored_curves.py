@@ -1,4 +1,4 @@
-"""Curves that are already there: whether a bifurcation point lies on one of them."""
+"""Whether a bifurcation point lies on a curve that is known."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NOISE = 1e-6  # distance in the scaled parameters that different time steps may
 
 
 @dataclass(frozen=True)
-class TracedCurve:
+class KnownCurve:
     """A bifurcation curve, its n points in order and cubic in between.
 
     ``parameters`` and ``tangents`` = d parameters / d arclength, both (n, 2); ``arclength`` (n,); ``states``
@@ -35,7 +35,7 @@ class TracedCurve:
     angles: Vector
 
     @classmethod
-    def of(cls, states: Sequence[CurveState]) -> TracedCurve:
+    def of(cls, states: Sequence[CurveState]) -> KnownCurve:
         """The curve through recorded states."""
         kappa = np.array([state.kappa for state in states])
         return cls(
@@ -46,16 +46,16 @@ class TracedCurve:
             np.arccos(np.clip(kappa, -1.0, 1.0)),
         )
 
-    def with_point(self, state: CurveState) -> TracedCurve:
+    def with_point(self, state: CurveState) -> KnownCurve:
         """The curve and one point more."""
-        newest = TracedCurve.of([state])
+        newest = KnownCurve.of([state])
         pairs = zip(vars(self).values(), vars(newest).values(), strict=True)
-        return TracedCurve(*(np.concatenate(pair) for pair in pairs))
+        return KnownCurve(*(np.concatenate(pair) for pair in pairs))
 
-    def without_last(self, count: int) -> TracedCurve:
+    def without_last(self, count: int) -> KnownCurve:
         """The curve without its last points."""
         kept = max(0, len(self.arclength) - count)
-        return TracedCurve(*(part[:kept] for part in vars(self).values()))
+        return KnownCurve(*(part[:kept] for part in vars(self).values()))
 
     def holds(self, start: CurveStart, scales: tuple[float, float] = (1.0, 1.0)) -> bool:
         """Whether a bifurcation point of the same kind lies on the curve.

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipelines.bifurcations.critical.critical_cycles import Critical, left_products
-from pipelines.bifurcations.critical.cycle_manifold import SurfaceLinearisation, sweep
+from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation, sweep
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.section import on_section
 from pipelines.bifurcations.plane import Position
@@ -74,7 +74,7 @@ class NormalForm:
 
 
 def normal_form(
-    linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions
+    linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions
 ) -> NormalForm | None:
     """The coefficient of the problem's kind; None for a neutral saddle and where a linear system is
     singular.
@@ -98,14 +98,16 @@ def normal_form(
     return NormalForm(kind, fine, noise, noise, noise)
 
 
-def _fold(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
+def _fold(linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
     q = critical.right / linear.at.length(critical.right)
     quadratic, _ = _Differences(linear, q[:, 0], options).of(q, linear.at.tangent(q).columns)
     # a = p.B(q, q) / 2
     return 0.5 * _left(linear, critical, quadratic, q)[0]
 
 
-def _period_doubling(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
+def _period_doubling(
+    linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions
+) -> Complex:
     q = critical.right / linear.at.length(critical.right)
     along = _Differences(linear, q[:, 0], options)
     quadratic, cubic = along.of(q, linear.at.tangent(q).columns)
@@ -115,7 +117,7 @@ def _period_doubling(linear: SurfaceLinearisation, critical: Critical, options: 
     return _left(linear, critical, cubic + 3.0 * along.first(h), q)[0] / 6.0
 
 
-def _left(linear: SurfaceLinearisation, critical: Critical, columns: Matrix, q: Matrix) -> Complex:
+def _left(linear: ManifoldLinearisation, critical: Critical, columns: Matrix, q: Matrix) -> Complex:
     """p.x for ``columns`` x with p.q = 1 for the real critical vectors ``q`` (N, m): (m, c)."""
     together = np.hstack([q, columns])
     phases, count = np.zeros(together.shape[1]), q.shape[1]
@@ -123,7 +125,7 @@ def _left(linear: SurfaceLinearisation, critical: Critical, columns: Matrix, q: 
     return np.linalg.solve(products[:, :count], products[:, count:]).astype(complex)
 
 
-def _neimark_sacker(linear: SurfaceLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
+def _neimark_sacker(linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
     mu, coefficients, left = _critical_pair(critical)
     q = critical.right @ coefficients
     parts = np.column_stack([q.real, q.imag])
@@ -163,7 +165,7 @@ def _critical_pair(critical: Critical) -> tuple[complex, Complex, Complex]:
 class _Differences:
     """Derivatives of M along one direction by passes beside the cycle."""
 
-    linear: SurfaceLinearisation
+    linear: ManifoldLinearisation
     direction: Vector
     options: NormalFormOptions
 
@@ -193,7 +195,7 @@ class _Differences:
         return self.linear.at.beside(way, distance).tangent(columns, once=True).columns
 
 
-def _solve(linear: SurfaceLinearisation, value: complex, columns: Complex) -> Complex:
+def _solve(linear: ManifoldLinearisation, value: complex, columns: Complex) -> Complex:
     """(value - M)^-1 columns: Picard sweeps outside the slow subspace, a small system inside."""
     count, basis = columns.shape[1], linear.basis
     matrix = np.array([[value.real, value.imag], [-value.imag, value.real]])

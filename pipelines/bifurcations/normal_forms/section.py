@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from pipelines.bifurcations.critical.critical_cycles import Critical
-from pipelines.bifurcations.critical.cycle_manifold import SurfaceLinearisation
+from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation
 from pipelines.bifurcations.plane import MapAt, Position
 from pipelines.orbits.period_map import PeriodImage
 from pipelines.orbits.system import Matrix, Vector
@@ -85,7 +85,7 @@ class ReturnMapAt(MapAt):
         return columns - np.outer(self.flow, self.normal @ columns) / float(self.normal @ self.flow)
 
 
-def on_section(linear: SurfaceLinearisation, critical: Critical) -> tuple[SurfaceLinearisation, Critical]:
+def on_section(linear: ManifoldLinearisation, critical: Critical) -> tuple[ManifoldLinearisation, Critical]:
     """The return map linearised at a critical cycle of unknown period, with its critical vectors.
 
     The slow subspace V of M contains the flow; that of DP is what of V lies in the section, V Z with
@@ -110,7 +110,7 @@ def on_section(linear: SurfaceLinearisation, critical: Critical) -> tuple[Surfac
     return replace(linear, at=at, basis=basis, image=image), seen
 
 
-def _section_normal(linear: SurfaceLinearisation, flow: Vector) -> Vector:
+def _section_normal(linear: ManifoldLinearisation, flow: Vector) -> Vector:
     """A unit vector: along the flow, or the gradient (s_2, -s_1) of the phase of Eq. 17."""
     if not linear.at.problem.period_map.extended:
         return np.asarray(flow / np.linalg.norm(flow))

@@ -1,4 +1,4 @@
-"""What a branch of tori is made of: its start, how to walk along it, its points, its state, its end."""
+"""A branch of tori: its options, its start, its points, the state that resumes it, its result."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from pipelines.bifurcations.continuation import Result, ResumableState, refuse_misfits
+from pipelines.bifurcations.continuation import Result, ResumableState, validate_stepping
 from pipelines.bifurcations.tori.fourier import Array
 from pipelines.bifurcations.tori.invariant_curve import Torus
 from pipelines.bifurcations.tori.problem import TorusUnknowns
@@ -37,12 +37,17 @@ class TorusStop(Enum):
 
 @dataclass(frozen=True)
 class TorusOptions:
-    """How to walk along a branch of tori.
+    """Options of the continuation of a branch of tori.
 
-    ``range``: parameter interval; ``direction``: +1 up, -1 down; ``step``, ``minimum_step``,
-    ``maximum_step``: arclength; ``max_points``; ``target_iterations``: Newton iterations at which the step is
-    kept; ``minimum_cosine``: smallest cosine between neighbouring tangents; ``parameter_scale``: parameter
-    change that counts as one.  Raises ValueError for values out of order.
+    ``range``: interval of the parameter.
+    ``direction``: initial sense of the parameter, 1 up, -1 down.
+    ``step``, ``minimum_step``, ``maximum_step``: first, shortest and longest step, in arclength.
+    ``max_points``: largest number of points.
+    ``target_iterations``: Newton iterations at which the step length is kept.
+    ``minimum_cosine``: smallest cosine between neighbouring tangents.
+    ``parameter_scale``: change of the parameter that counts as one.
+
+    Raises ValueError for values out of order.
     """
 
     range: tuple[float, float]
@@ -56,7 +61,7 @@ class TorusOptions:
     parameter_scale: float = 1.0
 
     def __post_init__(self) -> None:
-        refuse_misfits(self, (self.range,), (self.parameter_scale,))
+        validate_stepping(self, (self.range,), (self.parameter_scale,))
 
 
 @dataclass(frozen=True)

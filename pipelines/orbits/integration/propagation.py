@@ -1,4 +1,4 @@
-"""The one integration loop: orbit, tangent columns and parameter columns over one period in a single pass.
+"""One period with an explicit Runge-Kutta method: orbit, tangent columns and parameter columns in one pass.
 
 With tau1 = tau / T in [0, 1] the orbit and a column y of the block obey
 

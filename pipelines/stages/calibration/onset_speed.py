@@ -25,7 +25,7 @@ from pipelines.orbits.equilibria.equilibrium import Equilibrium
 from pipelines.orbits.equilibria.linear import at_speed, linear_point
 from pipelines.orbits.machine_cycles import cycle_shape, unphysical
 from pipelines.stages.cycles.problem import continuation_options, cycle_problem
-from pipelines.stages.cycles.start import NoStart, Watch, first_cycles, first_hopf
+from pipelines.stages.cycles.start import Guard, NoStart, first_cycles, first_hopf
 from pipelines.stages.linear.linearize import leading_growth
 from pipelines.stages.results import ShouldStop, StopRequested
 
@@ -141,7 +141,7 @@ def _onset_above(
     options = continuation_options(case, 1)
     options = replace(options, detection=DetectionOptions(event_tolerance=EVENT_TOLERANCE))
     walk = _Walk(machine, table.minimum_film, kinds, should_stop)
-    for guess in first_cycles(machine, case, problem, Watch(walk.limit, should_stop)):
+    for guess in first_cycles(machine, case, problem, Guard(walk.limit, should_stop)):
         if should_stop():
             raise StopRequested
         if isinstance(guess, NoStart):
@@ -156,15 +156,20 @@ class _Walk:
     """Watches a branch along the rising speed until its first onset."""
 
     def __init__(
-        self, machine: Machine, thinnest: float, kinds: frozenset[EventKind], should_stop: ShouldStop
+        self, machine: Machine, minimum_film: float, kinds: frozenset[EventKind], should_stop: ShouldStop
     ) -> None:
-        self._machine, self._thinnest, self._kinds, self._should_stop = machine, thinnest, kinds, should_stop
+        self._machine, self._minimum_film, self._kinds, self._should_stop = (
+            machine,
+            minimum_film,
+            kinds,
+            should_stop,
+        )
         self.unstable_start = False
         self.onset: Event | None = None
 
     def limit(self, point: BranchPoint) -> str | None:
         cycle = point.cycle
-        return unphysical(cycle_shape(self._machine, cycle.image.orbit, cycle.parameters), self._thinnest)
+        return unphysical(cycle_shape(self._machine, cycle.image.orbit, cycle.parameters), self._minimum_film)
 
     def record(self, point: BranchPoint, state: BranchState, events: Sequence[Event]) -> None:
         if state.index == 0:

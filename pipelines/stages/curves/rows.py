@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipelines.bifurcations.curve import CurvePoint, CurveState, SpecialKind, SpecialPoint
 from pipelines.bifurcations.curves.codimension_two import other_multipliers
-from pipelines.bifurcations.curves.stored_curves import TracedCurve
+from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveProblem
 from pipelines.case.models import Case
@@ -207,10 +207,10 @@ def stored_special(curve: Group, index: int) -> SpecialPoint:
     )
 
 
-def traced(curve: Group, names: tuple[str, str]) -> TracedCurve:
+def traced(curve: Group, names: tuple[str, str]) -> KnownCurve:
     """The stored curve, to be compared with other bifurcations; needs ``TRACED`` and the parameters."""
     parameters = np.column_stack([curve[name] for name in names])
-    return TracedCurve(
+    return KnownCurve(
         parameters, curve["parameter_tangent"], curve["arclength"], curve["state"], curve["angle"]
     )
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from pipelines.bifurcations.curve import CurveStart, CurveStop
 from pipelines.bifurcations.curves.codimension_two import other_multipliers, resonant_end, second_bifurcation
-from pipelines.bifurcations.curves.stored_curves import TracedCurve
+from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import curve_from_event, curve_of_second, with_multiplied_period
@@ -54,7 +54,7 @@ class Next:
     known: Mapping[str, Group]
 
     @property
-    def traced_before(self) -> dict[str, TracedCurve]:
+    def traced_before(self) -> dict[str, KnownCurve]:
         """The curves of the same kind and period traced before this one, by name."""
         return {
             name: traced(curve, self.start.problem.names)
@@ -66,7 +66,7 @@ class Next:
 
 
 class Fate(Enum):
-    """What a start comes to that has no curve of its own."""
+    """Why no curve is traced from a start."""
 
     OUTSIDE = 1
     KNOWN = 2

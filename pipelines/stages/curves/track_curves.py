@@ -21,7 +21,7 @@ from pipelines.bifurcations.curve import (
     SpecialPoint,
 )
 from pipelines.bifurcations.curve_continuation import continue_curve
-from pipelines.bifurcations.curves.stored_curves import TracedCurve
+from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
@@ -122,7 +122,7 @@ def _trace_both_ways(job: Job, chosen: Next) -> None:
 
 
 def trace_curve(
-    job: Job, start: Start, group: str, half: int, direction: int, known: Mapping[str, TracedCurve]
+    job: Job, start: Start, group: str, half: int, direction: int, known: Mapping[str, KnownCurve]
 ) -> None:
     """Follow a curve from its start, or from its last committed point, until it ends, runs along one that is
     ``known`` or is asked to stop.
@@ -146,17 +146,17 @@ def trace_curve(
 
 
 def _follow(
-    job: Job, start: Start, group: str, curve: BranchWriter, direction: int, known: Mapping[str, TracedCurve]
+    job: Job, start: Start, group: str, curve: BranchWriter, direction: int, known: Mapping[str, KnownCurve]
 ) -> None:
     case = job.case.case
     problem = start.problem
     if case.track_curves.normal_forms:
         smooth = smooth_maps(case, problem.period_map, case.track_curves.normal_form_widths)
         problem = replace(problem, smooth_maps=smooth)
-    recorder = CurveRecorder(job.machine, problem, curve, case, _teller(job, start, group))
+    recorder = CurveRecorder(job.machine, problem, curve, case, _progress_callback(job, start, group))
     newest, names = curve.resume_row(), problem.names
     begin: CurveStart | CurveState = start.guess
-    own: TracedCurve | None = None
+    own: KnownCurve | None = None
     if newest is not None:
         rows = job.read(group, (*RESUMED, *names))
         begin, own = resumed_state(newest, rows.arrays, names), traced(rows, names)
@@ -185,7 +185,7 @@ def curve_options(job: Job, direction: int) -> CurveOptions:
     )
 
 
-def _teller(
+def _progress_callback(
     job: Job, start: Start, group: str
 ) -> Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None]:
     """What is told of every recorded point."""

@@ -23,7 +23,7 @@ from pipelines.stages.cycles.rows import (
     static_arrays,
     stored_event,
 )
-from pipelines.stages.cycles.start import FirstCycle, NoStart, Watch, first_cycles
+from pipelines.stages.cycles.start import FirstCycle, Guard, NoStart, first_cycles
 from pipelines.stages.job import Job, Origin
 
 NO_START = "no_start"
@@ -91,7 +91,7 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
     newest = branch.resume_row()
     resumed = None if newest is None else job.read(request.group, ("event_kind",))
     recorder = BranchRecorder(
-        job.machine, branch, request.case, _teller(job, request), request.turns, resumed
+        job.machine, branch, request.case, _progress_callback(job, request), request.turns, resumed
     )
 
     def run(start: BranchStart | BranchState, towards: int) -> BranchResult:
@@ -104,7 +104,7 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
         return
     job.tell(0, table.max_points, f"{request.group}: looking for the first cycle")
     failure = NoStart("no cycle was found", "")
-    for found in _first_cycles(job, request, problem, Watch(recorder.limit, job.should_stop)):
+    for found in _first_cycles(job, request, problem, Guard(recorder.limit, job.should_stop)):
         if job.should_stop():
             return
         if isinstance(found, NoStart):
@@ -121,7 +121,7 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
     branch.finish(NO_START, f"{failure.reason}: {failure.advice}")
 
 
-def _teller(
+def _progress_callback(
     job: Job, request: BranchRequest
 ) -> Callable[[BranchPoint, BranchState, tuple[Event, ...]], None]:
     """What is told of every recorded point."""
@@ -139,7 +139,7 @@ def _teller(
 
 
 def _first_cycles(
-    job: Job, request: BranchRequest, problem: CycleProblem, watch: Watch
+    job: Job, request: BranchRequest, problem: CycleProblem, watch: Guard
 ) -> Iterator[FirstCycle | NoStart]:
     """Guesses of the first cycle: of a doubled branch beside its period doubling."""
     if request.origin is None:

@@ -52,7 +52,7 @@ class FirstCycle:
 
 
 @dataclass(frozen=True)
-class Watch:
+class Guard:
     """What may end the way to a first cycle before its time: a physical limit, the user."""
 
     limit: Limit
@@ -60,9 +60,9 @@ class Watch:
 
 
 def first_cycles(
-    machine: Machine, case: Case, problem: CycleProblem, watch: Watch
+    machine: Machine, case: Case, problem: CycleProblem, watch: Guard
 ) -> Iterator[FirstCycle | NoStart]:
-    """Guesses of the first cycle, the cheapest first; each in case the one before starts no branch."""
+    """Guesses of the first cycle, the cheapest first; tried in this order until one converges."""
     if is_self_excited(case):
         yield _small_whirl(machine, case, problem, watch)
         return
@@ -88,7 +88,7 @@ def _forced_start(problem: CycleProblem, state: Array) -> BranchStart:
 
 
 def _too_stiff(problem: CycleProblem, start: BranchStart) -> NoStart | None:
-    """Whether an explicit stepper would be busy for hours with one point, unless the user asked for it."""
+    """The reason not to start with an explicit stepper, or None: stability may need too many steps."""
     period_map = problem.period_map
     if period_map.steps_per_period is not None or isinstance(period_map.stepper, ImplicitStepper):
         return None
@@ -105,7 +105,7 @@ def _too_stiff(problem: CycleProblem, start: BranchStart) -> NoStart | None:
     )
 
 
-def _ramped_start(machine: Machine, case: Case, problem: CycleProblem, watch: Watch) -> FirstCycle | NoStart:
+def _ramped_start(machine: Machine, case: Case, problem: CycleProblem, watch: Guard) -> FirstCycle | NoStart:
     """The forced cycle reached by raising the ring's displacement from zero, far from the equilibrium."""
     wanted = float(problem.parameters[film.DISPLACEMENT])
     still = problem.parameters.copy()
@@ -125,7 +125,7 @@ def _ramped_start(machine: Machine, case: Case, problem: CycleProblem, watch: Wa
 
 
 def _carried(
-    problem: CycleProblem, start: BranchStart, target: float, step: float, watch: Watch
+    problem: CycleProblem, start: BranchStart, target: float, step: float, watch: Guard
 ) -> BranchStart | NoStart:
     """The cycle at ``target`` of the problem's parameter by continuation from ``start``, not turning back."""
     low, high = sorted((start.parameter, target))
@@ -148,7 +148,7 @@ def _forget(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -
     """Record nothing: only the end of the way matters."""
 
 
-def _small_whirl(machine: Machine, case: Case, problem: CycleProblem, watch: Watch) -> FirstCycle | NoStart:
+def _small_whirl(machine: Machine, case: Case, problem: CycleProblem, watch: Guard) -> FirstCycle | NoStart:
     """The small whirl beside the Hopf point; carried along the speed when another parameter is continued."""
     along_speed = replace(problem, parameter="speed")
     low, high = case.continue_cycles.range if problem.parameter == "speed" else case.linearize.speed_range

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.bifurcations.curve import CurveStart
-from pipelines.bifurcations.curves.fixed_parameter import PinnedPoint, pinned_point
+from pipelines.bifurcations.curves.fixed_parameter import FixedParameterPoint, locate_at_fixed_parameter
 from pipelines.bifurcations.plane import CurveProblem, metric_of
 from pipelines.bifurcations.switching import with_multiplied_period
 from pipelines.case.models import Case
@@ -128,7 +128,7 @@ def refine_point(source: Machine, levels: Sequence[Level], point: StoredPoint) -
     return Refinement(values, angles, steps, REFINED, -1)
 
 
-def _moved(point: StoredPoint, found: PinnedPoint) -> StoredPoint:
+def _moved(point: StoredPoint, found: FixedParameterPoint) -> StoredPoint:
     """The stored point with what a grid told of it: the guess for the next one."""
     parameters = point.parameters.copy()
     parameters[PARAMETERS.index(point.free)] = found.parameters[1]
@@ -142,7 +142,9 @@ class _Failure:
     reason: str
 
 
-def _on_level(near: Machine, point: StoredPoint, level: Level, steps: int | None) -> PinnedPoint | _Failure:
+def _on_level(
+    near: Machine, point: StoredPoint, level: Level, steps: int | None
+) -> FixedParameterPoint | _Failure:
     """The point on one grid, sought from the machine ``near`` on which its state is known."""
     if level.machine is None or level.problem is None:
         return _Failure(GRID_TOO_LARGE, f"{level.grid.circumferential} x {level.grid.axial} is too large")
@@ -156,8 +158,8 @@ def _on_level(near: Machine, point: StoredPoint, level: Level, steps: int | None
         return _Failure(UNSUPPORTED, str(error))
     scales = tuple(abs(v) if n == "foil_stiffness" else 1.0 for n, v in zip(names, (held, free), strict=True))
     start = CurveStart(state, (held, free), point.period, point.angle)
-    found = pinned_point(problem, start, 0, metric_of(problem, (scales[0], scales[1])), steps)
-    return found if isinstance(found, PinnedPoint) else _Failure(NOT_CONVERGED, found.advice)
+    found = locate_at_fixed_parameter(problem, start, 0, metric_of(problem, (scales[0], scales[1])), steps)
+    return found if isinstance(found, FixedParameterPoint) else _Failure(NOT_CONVERGED, found.advice)
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ def verify(store_path: Path, sample: int) -> tuple[list[Finding], list[Checked]]
             for group in groups:
                 if not any((store.path / group) in (path, *path.parents) for path in damaged):
                     checked += _residuals(store, group, named.case, machine, sample)
-    findings += [_misfit(store, each) for each in checked if not each.holds]
+    findings += [_finding(store, each) for each in checked if not each.holds]
     return findings, checked
 
 
@@ -132,7 +132,7 @@ def _spread(rows: np.ndarray, count: int) -> list[int]:
     return [int(rows[k]) for k in np.unique(np.round(chosen).astype(int))]
 
 
-def _misfit(store: Store, checked: Checked) -> Finding:
+def _finding(store: Store, checked: Checked) -> Finding:
     path = store.path / checked.group
     return Finding(
         path,

@@ -347,7 +347,7 @@ def _on_worker(work: Mapping[str, Any], campaign: str) -> list[dict[str, Any]]:
 
 
 class _Asked:
-    """An answer that is asked for at most every half second, and stays once it is yes."""
+    """A cache of `should_stop`: asked at most twice a second, and kept once it is true."""
 
     def __init__(self, question: Callable[[], bool]) -> None:
         self._question, self._answer, self._next = question, False, 0.0

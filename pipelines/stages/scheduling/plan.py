@@ -36,14 +36,14 @@ Attributes = Mapping[str, Any]
 CYCLES_PER_ONSET = 8  # a branch that begins near an onset has four to twelve points
 
 
-class There(Enum):
+class StageStatus(Enum):
     """What of a stage is in the store."""
 
     NOTHING = "nothing"
     PARTIAL = "partial"
     COMPLETE = "complete"
     FAILED = "failed"  # ended for another reason; computed again only in another store
-    OTHERWISE = "computed with other settings"  # the run refuses it
+    DIFFERENT_SETTINGS = "computed with other settings"  # the run refuses it
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Planned:
 
     case_id: str
     stage: str
-    there: There
+    there: StageStatus
     points: int = 0
     most: int | None = None
     seconds: float | None = None
@@ -122,14 +122,20 @@ def _made_in_one_piece(found: Planned, here: _Here) -> Planned:
     if not here.own:
         return found
     (group,) = here.own.values()
-    ended = There.COMPLETE if group["stop_reason"] in criticals.WELL else There.FAILED
-    there = There.NOTHING if found.there is There.OTHERWISE else ended
-    return replace(found, there=there, points=0 if there is There.NOTHING else here.case.criticals.points)
+    ended = StageStatus.COMPLETE if group["stop_reason"] in criticals.WELL else StageStatus.FAILED
+    there = StageStatus.NOTHING if found.there is StageStatus.DIFFERENT_SETTINGS else ended
+    return replace(
+        found, there=there, points=0 if there is StageStatus.NOTHING else here.case.criticals.points
+    )
 
 
 def _in_both_directions(found: Planned, here: _Here) -> Planned:
     missing = len(here.own) < len(continue_cycles.directions(here.case))
-    return replace(found, there=There.PARTIAL) if missing and found.there is There.COMPLETE else found
+    return (
+        replace(found, there=StageStatus.PARTIAL)
+        if missing and found.there is StageStatus.COMPLETE
+        else found
+    )
 
 
 def _of_stored_bifurcations(found: Planned, here: _Here) -> Planned:
@@ -137,20 +143,20 @@ def _of_stored_bifurcations(found: Planned, here: _Here) -> Planned:
     if here.store is None:
         return found
     stored = len(stored_points(here.store, here.case_id, here.case.refine.points_per_curve))
-    more = found.there is There.COMPLETE and found.points < stored
-    return replace(found, there=There.PARTIAL if more else found.there, most=stored or None)
+    more = found.there is StageStatus.COMPLETE and found.points < stored
+    return replace(found, there=StageStatus.PARTIAL if more else found.there, most=stored or None)
 
 
 def _searched(found: Planned, here: _Here) -> Planned:
     """The search of the plane is complete when a round met no new curve, or all rounds are made."""
-    if found.there in (There.FAILED, There.OTHERWISE):
+    if found.there in (StageStatus.FAILED, StageStatus.DIFFERENT_SETTINGS):
         return found
     return replace(found, there=_search_state(here, found.there))
 
 
-def _search_state(here: _Here, curves: There) -> There:
+def _search_state(here: _Here, curves: StageStatus) -> StageStatus:
     if bifurcation_set.nothing_to_search(here.case) is not None:
-        return There.COMPLETE
+        return StageStatus.COMPLETE
     search = here.groups.get(bifurcation_set.GROUP)
     table = here.case.bifurcation_set
     more = search is not None and (
@@ -158,11 +164,11 @@ def _search_state(here: _Here, curves: There) -> There:
         or not set(table.kinds) <= set(search.get("kinds", table.kinds))
     )
     if more:
-        return There.PARTIAL
+        return StageStatus.PARTIAL
     if search is not None and (search["complete"] or search["rounds"] >= table.max_rounds):
-        return There.PARTIAL if curves is There.PARTIAL else There.COMPLETE
+        return StageStatus.PARTIAL if curves is StageStatus.PARTIAL else StageStatus.COMPLETE
     begun = search is not None or any(name.startswith("cycles/s") for name in here.groups)
-    return There.PARTIAL if begun else curves
+    return StageStatus.PARTIAL if begun else curves
 
 
 def _of_one_machine(durations: Durations, case: Case) -> float | None:
@@ -276,33 +282,36 @@ def _groups(store: Store | None, case_id: str) -> dict[str, Attributes]:
     }
 
 
-def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> There:
+def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> StageStatus:
     table = getattr(case, extent.table)
     asked = table.model_dump(mode="json", exclude=set(extent.free))
     same = [(attributes, attributes.get("request", asked) == asked) for attributes in groups]
     # what was asked for otherwise and has no rows is made anew
     found = [attributes for attributes, is_same in same if is_same or attributes.get("n_points", 1)]
     if not found:
-        return There.NOTHING
+        return StageStatus.NOTHING
     if not all(is_same for attributes, is_same in same if attributes in found):
-        return There.OTHERWISE
+        return StageStatus.DIFFERENT_SETTINGS
     most = getattr(table, extent.limit, 0)
     ended = [
         each["status"] == COMPLETE or has_ended(each, each.get("n_points", 0), extent.out_of_points, most)
         for each in found
     ]
     if not all(ended):
-        return There.PARTIAL
+        return StageStatus.PARTIAL
     success = [
         each["status"] == COMPLETE or (each["stop_reason"] in extent.success and each["n_points"] > 0)
         for each in found
     ]
-    return There.COMPLETE if all(success) else There.FAILED
+    return StageStatus.COMPLETE if all(success) else StageStatus.FAILED
 
 
 def _with_time(found: Planned, case: Case, durations: Durations) -> Planned:
     """The same with the time of the points that are left, or of one point where their number is not known."""
-    extent, settled = _EXTENTS[found.stage], found.there in (There.COMPLETE, There.FAILED, There.OTHERWISE)
+    extent, settled = (
+        _EXTENTS[found.stage],
+        found.there in (StageStatus.COMPLETE, StageStatus.FAILED, StageStatus.DIFFERENT_SETTINGS),
+    )
     # a curve that has ended does not say whether every bifurcation lies on one
     if settled and found.stage not in ("track_pd", "track_ns", "track_folds"):
         return replace(found, seconds=0.0, note="")
@@ -327,10 +336,10 @@ def _run_in_time(named: NamedCase, store: Store | None, store_path: Path | None)
     begun = [int(found["n_points"]) for found in own]
     note = f"{ahead.steps} time steps"
     if not begun:
-        return Planned(named.case_id, "transient", There.NOTHING, 0, None, ahead.seconds, note)
-    there = There.PARTIAL
+        return Planned(named.case_id, "transient", StageStatus.NOTHING, 0, None, ahead.seconds, note)
+    there = StageStatus.PARTIAL
     if ahead.steps == 0:
-        there = There.COMPLETE if own[0]["stop_reason"] in transient.COMPLETE else There.FAILED
+        there = StageStatus.COMPLETE if own[0]["stop_reason"] in transient.COMPLETE else StageStatus.FAILED
     most = int(own[0]["dimensions"]["sample"])
     return Planned(
         named.case_id, "transient", there, begun[0], most, ahead.seconds, note if ahead.steps else ""

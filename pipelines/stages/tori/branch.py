@@ -86,7 +86,7 @@ def _run(
         return TorusResult(TorusStop.START_FAILED, None, where)
     circle = problem.circle
     assert isinstance(circle, PeriodCircle)
-    recorder = TorusRecorder(job.machine, circle, branch, job.case.case, _teller(job, group))
+    recorder = TorusRecorder(job.machine, circle, branch, job.case.case, _progress_callback(job, group))
     return continue_torus(problem, start, options, recorder.record, recorder.limit, job.should_stop)
 
 
@@ -104,7 +104,7 @@ def torus_options(job: Job, direction: int) -> TorusOptions:
     )
 
 
-def _teller(job: Job, group: str) -> Callable[[TorusPoint, TorusState], None]:
+def _progress_callback(job: Job, group: str) -> Callable[[TorusPoint, TorusState], None]:
     """What is told of every recorded torus."""
     table = job.case.case.continue_tori
 

@@ -27,7 +27,7 @@ from pipelines.orbits.machine_cycles import cycle_shape, unphysical
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.orbits.time_runs.unbalanced_map import UNBALANCED_PARAMETERS, unbalanced_system
 from pipelines.stages.cycles.problem import cycle_problem
-from pipelines.stages.cycles.start import FirstCycle, NoStart, Watch, first_cycles
+from pipelines.stages.cycles.start import FirstCycle, Guard, NoStart, first_cycles
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.parameter_columns import parameter_attributes
 from pipelines.stages.tori.rows import torus_shape
@@ -59,7 +59,7 @@ class TorusSource(Protocol):
         """The tori of the branch with so many time steps in a period."""
 
     def starts(self, job: Job) -> Iterator[FirstTorus | NoStart]:
-        """Guesses of the first torus, the cheapest first; each in case the one before starts no branch."""
+        """Guesses of the first torus, the cheapest first; tried in this order until one converges."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class UnbalancedTori:
         """The balanced cycle, which Newton's method may take for the torus, or else the torus that grows out
         of it with the unbalance.
         """
-        watch = Watch(self._cycle_limit, job.should_stop)
+        watch = Guard(self._cycle_limit, job.should_stop)
         for found in first_cycles(self.machine, self.case, self.cycles, watch):
             cycle = self._corrected(found.start) if isinstance(found, FirstCycle) else found
             if isinstance(cycle, NoStart):
@@ -167,11 +167,11 @@ class UnbalancedTori:
         circle = problem.circle
         assert isinstance(circle, PeriodCircle)
         growing = replace(circle, parameter="unbalance")
-        thinnest = self.case.continue_cycles.minimum_film
+        minimum_film = self.case.continue_cycles.minimum_film
 
         def limit(point: TorusPoint) -> str | None:
             shape = torus_shape(self.machine, growing, point.torus.unknowns)
-            return unphysical(shape.orbits, thinnest)
+            return unphysical(shape.orbits, minimum_film)
 
         result = continue_torus(
             replace(problem, circle=growing),
