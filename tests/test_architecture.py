@@ -52,8 +52,8 @@ ORDER = {
         "normal_forms", "curve", "curves", "curve_continuation", "switching", "hopf_point", "tori",
     ),
     "stages": (
-        "results", "parameter_columns", "job", "step_errors", "linear", "cycles", "curves", "transients",
-        "tori", "refinement", "calibration", "reports", "scheduling",
+        "results", "parameter_columns", "job", "step_errors", "ending", "linear", "cycles", "curves",
+        "transients", "tori", "refinement", "calibration", "reports", "scheduling",
     ),
 }  # fmt: skip
 TOP_LEVEL_FOLDERS = {"agfb_cli", "pipelines", "configs", "tests"}

@@ -4,6 +4,7 @@
 - job: a case with its machine and its store
 - parameter_columns: parameters of a solution as columns, and back
 - step_errors: points whose error by the time steps is unknown
+- ending: the reason why a branch or curve ended, and whether it is a success
 - linear: `agfb linearize` and `agfb criticals`
 - cycles: `agfb continue-cycles`: branches of cycles
 - curves: `agfb track-pd`, `track-ns`, `track-folds`, and the search of `agfb run` for the whole set

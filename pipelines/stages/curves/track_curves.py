@@ -14,7 +14,6 @@ from typing import Any
 from pipelines.bifurcations.curve import (
     CurveOptions,
     CurvePoint,
-    CurveResult,
     CurveStart,
     CurveState,
     CurveStop,
@@ -25,7 +24,6 @@ from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
-from pipelines.datasets.records import ENDED
 from pipelines.stages import step_errors
 from pipelines.stages.curves.rows import (
     CONTAINERS,
@@ -47,6 +45,7 @@ from pipelines.stages.curves.starts import (
     parameter_scales,
 )
 from pipelines.stages.cycles.problem import EVENT_SHARE, NORMAL_FORM, smooth_maps
+from pipelines.stages.ending import is_success, store_end
 from pipelines.stages.job import Job, coordinates
 from pipelines.stages.results import Report, ShouldStop, StageResult
 
@@ -166,7 +165,7 @@ def _follow(
     result = continue_curve(
         problem, begin, options, recorder.record, recorder.limit, job.should_stop, known, own
     )
-    _end(curve, result)
+    store_end(curve, result)
 
 
 def curve_options(job: Job, direction: int) -> CurveOptions:
@@ -199,23 +198,11 @@ def _progress_callback(
     return told
 
 
-def _end(curve: BranchWriter, result: CurveResult) -> None:
-    """Store why the curve ended; an interrupted one stays open."""
-    if result.stop is not CurveStop.INTERRUPTED:
-        # the limit is this stage's own, and its message says all
-        parts = [result.message, "" if result.stop is CurveStop.LIMIT else result.stop.advice]
-        curve.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))
-
-
 def curves_result(job: Job, kind: EventKind, untraced: Untraced) -> StageResult:
     """How the curves of a case ended: the case is well when all of them are complete."""
     names = ("event_kind", step_errors.STEP_ERROR)
     curves = [job.read(group, names) for group in job.groups(CONTAINERS[kind])]
-    complete = {stop.name.lower() for stop in COMPLETE}
-    ended = [curve for curve in curves if curve.attributes["status"] == ENDED]
-    ok = not untraced.refused and all(
-        curve.attributes["stop_reason"] in complete and curve.n_points > 0 for curve in ended
-    )
+    ok = not untraced.refused and all(is_success(curve, COMPLETE) for curve in curves)
     specials: list[str] = []
     for curve in curves:
         specials += [label.replace("_", " ") for label in curve.labels("event_kind").tolist()]

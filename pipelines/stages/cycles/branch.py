@@ -24,6 +24,7 @@ from pipelines.stages.cycles.rows import (
     stored_event,
 )
 from pipelines.stages.cycles.start import FirstCycle, Guard, NoStart, first_cycles
+from pipelines.stages.ending import store_end
 from pipelines.stages.job import Job, Origin
 
 NO_START = "no_start"
@@ -100,7 +101,7 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
 
     if newest is not None:
         rows = job.read(request.group, (*RESUMED, table.parameter)).arrays
-        _end(branch, run(resumed_state(newest, rows, table.parameter), request.direction))
+        store_end(branch, run(resumed_state(newest, rows, table.parameter), request.direction))
         return
     job.tell(0, table.max_points, f"{request.group}: looking for the first cycle")
     failure = NoStart("no cycle was found", "")
@@ -116,7 +117,7 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
         elif request.turns > 1 and result.state is None:  # another amplitude may do
             failure = NoStart(result.message, "set another continue_cycles.amplitude")
         else:
-            _end(branch, result)
+            store_end(branch, result)
             return
     branch.finish(NO_START, f"{failure.reason}: {failure.advice}")
 
@@ -158,11 +159,3 @@ def _first_cycles(
                 "no cycle of twice the period was found beside the period doubling",
                 "set another continue_cycles.amplitude",
             )
-
-
-def _end(branch: BranchWriter, result: BranchResult) -> None:
-    """Store why the branch ended; an interrupted one stays open."""
-    if result.stop is not BranchStop.INTERRUPTED:
-        # the limit is this stage's own, and its message says all
-        parts = [result.message, "" if result.stop is BranchStop.LIMIT else result.stop.advice]
-        branch.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))

@@ -11,11 +11,11 @@ from typing import Any
 from pipelines.bifurcations.branch import BranchStop
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
-from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
 from pipelines.stages import step_errors
 from pipelines.stages.cycles.branch import BranchRequest, trace_branch
 from pipelines.stages.cycles.problem import is_self_excited
+from pipelines.stages.ending import is_success
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.results import Report, ShouldStop, StageResult
 
@@ -112,18 +112,11 @@ def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
         told[step_errors.NAME] = where
     reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
     advice = [branch.attributes["stop_advice"] for branch in branches + trees]
-    ok = all(_is_well(branch) for branch in branches + trees)
+    ok = all(is_success(branch, COMPLETE) for branch in branches + trees)
     # two branches that end alike say so once
     sentences = "; ".join(dict.fromkeys(filter(None, advice)))
     doubt = step_errors.caution(unknown)
     return StageResult(job.case.case_id, ok, ", ".join(reasons), sentences, told, caution=doubt)
-
-
-def _is_well(branch: Group) -> bool:
-    """Whether a branch is complete, or only interrupted; one without a single point is a failure."""
-    attributes = branch.attributes
-    complete = attributes["stop_reason"] in {stop.name.lower() for stop in COMPLETE} and branch.n_points > 0
-    return attributes["status"] != ENDED or complete
 
 
 def _events_summary(arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any]) -> dict[str, str]:

@@ -23,6 +23,7 @@ from pipelines.stages.calibration import calibrate
 from pipelines.stages.curves import bifurcation_set, track_curves
 from pipelines.stages.cycles import continue_cycles
 from pipelines.stages.cycles.branch import NOT_ASKED, WANTING_POINTS
+from pipelines.stages.ending import stop_reasons
 from pipelines.stages.linear import criticals, missing_speeds
 from pipelines.stages.refinement import refine
 from pipelines.stages.refinement.points import stored_points
@@ -179,14 +180,10 @@ def _of_one_machine(durations: Durations, case: Case) -> float | None:
     return None if cycle is None else CYCLES_PER_ONSET * onsets * cycle
 
 
-def _names(stops: Iterable[Enum]) -> frozenset[str]:
-    return frozenset(stop.name.lower() for stop in stops)
-
-
 def _curves(groups: tuple[str, ...], decided_by: str) -> _Extent:
     return _Extent(
         groups=groups,
-        success=_names(track_curves.COMPLETE),
+        success=stop_reasons(track_curves.COMPLETE),
         table="track_curves",
         duration=Durations.of_curve_point,
         free=frozenset({"max_points", "max_curves"}),
@@ -213,7 +210,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
         ),
         "continue_cycles": _Extent(
             groups=("cycles/b", "cycles/d"),
-            success=_names(continue_cycles.COMPLETE),
+            success=stop_reasons(continue_cycles.COMPLETE),
             table="continue_cycles",
             duration=Durations.of_cycle,
             free=frozenset(NOT_ASKED),
@@ -241,7 +238,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
         ),
         "continue_tori": _Extent(
             groups=("tori/",),
-            success=_names(continue_tori.COMPLETE),
+            success=stop_reasons(continue_tori.COMPLETE),
             table="continue_tori",
             duration=Durations.of_torus,
             free=frozenset({"max_points"}),

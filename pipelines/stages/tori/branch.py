@@ -21,6 +21,7 @@ from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.stages.cycles.branch import NO_START
 from pipelines.stages.cycles.problem import parameter_scale
 from pipelines.stages.cycles.start import NoStart
+from pipelines.stages.ending import store_end
 from pipelines.stages.job import Job
 from pipelines.stages.tori.rows import TorusRecorder, resumed_state, static_arrays, torus_sizes
 from pipelines.stages.tori.sources import TorusSource
@@ -118,11 +119,7 @@ def _progress_callback(job: Job, group: str) -> Callable[[TorusPoint, TorusState
 
 
 def _end(branch: BranchWriter, source: TorusSource, result: TorusResult) -> None:
-    """Store why the branch ended; an interrupted one stays open."""
-    if result.stop is TorusStop.INTERRUPTED:
-        return
-    # the limit is this stage's own, and its message says all
-    parts = [result.message, "" if result.stop is TorusStop.LIMIT else result.stop.advice]
-    if result.stop is TorusStop.ROUGH:
-        parts.append(f"that is, raise continue_tori.max_angles or tolerance, or {source.beyond}")
-    branch.finish(result.stop.name.lower(), "; ".join(filter(None, parts)))
+    """Store why the branch ended, with what helps where the Fourier series of a torus does not fall."""
+    rough = result.stop is TorusStop.ROUGH
+    beyond = f"that is, raise continue_tori.max_angles or tolerance, or {source.beyond}"
+    store_end(branch, result, beyond if rough else "")

@@ -14,9 +14,9 @@ from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.tori.torus import TorusStop
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import PARAMETERS
-from pipelines.datasets.records import ENDED, Group
 from pipelines.stages.cycles.continue_cycles import DIRECTIONS
 from pipelines.stages.cycles.rows import EVENT_NAMES, stored_event
+from pipelines.stages.ending import is_success
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.results import Report, ShouldStop, StageResult
 from pipelines.stages.tori.branch import trace_tori
@@ -97,12 +97,5 @@ def _result(job: Job, groups: list[str]) -> StageResult:
         told["undecided points"] = undecided
     reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
     advice = "; ".join(dict.fromkeys(filter(None, (b.attributes["stop_advice"] for b in branches))))
-    ok = all(_is_well(branch) for branch in branches)
+    ok = all(is_success(branch, COMPLETE) for branch in branches)
     return StageResult(case_id, ok, ", ".join(reasons) or "stopped on request", advice, told)
-
-
-def _is_well(branch: Group) -> bool:
-    """Whether a branch is complete, or only interrupted; one without a single point is a failure."""
-    attributes = branch.attributes
-    complete = attributes["stop_reason"] in {stop.name.lower() for stop in COMPLETE} and branch.n_points > 0
-    return attributes["status"] != ENDED or complete
