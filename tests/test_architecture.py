@@ -48,7 +48,8 @@ ORDER = {
         "time_steps", "hopf_start", "machine_cycles", "equilibria", "time_runs",
     ),
     "bifurcations": (
-        "continuation", "acceptance", "cycles", "detection", "branch", "arclength", "plane", "critical",
+        "continuation", "acceptance", "cycles", "detection", "location", "branch", "arclength", "plane",
+        "critical",
         "normal_forms", "curve", "curves", "curve_continuation", "switching", "hopf_point", "tori",
     ),
     "stages": (

@@ -3,7 +3,7 @@
 - continuation: the driver of all continuations: steps, their lengths, the state that is stored
 - acceptance: the rule by which a step is accepted
 - branch, arclength: branches of cycles: options and results; the continuation
-- detection: bifurcations between two cycles: detected, located, described
+- detection, location: bifurcations between two cycles: their test functions; where they are
 - cycles: behind these: `segment` of a branch, `double_crossings` within it, `crossing_cycles` (own
   doubling, own pitchfork)
 - plane: cycles over a plane of two parameters: problem, positions, metric

@@ -31,9 +31,10 @@ from pipelines.bifurcations.continuation import (
     adapted_length,
     bound_passed,
     follow,
-    is_start,
     leaves_ranges,
+    one_history,
     period_scale,
+    returned,
 )
 from pipelines.bifurcations.cycles.double_crossings import dips_inside, may_be_crossed
 from pipelines.bifurcations.cycles.segment import BranchMetric, Segment, metric_of
@@ -41,13 +42,12 @@ from pipelines.bifurcations.detection import (
     DetectionOptions,
     Event,
     EventKind,
-    LocationStop,
     evaluate_tests,
     explains,
     kinds_between,
-    locate,
     unstable_count,
 )
+from pipelines.bifurcations.location import LocationStop, locate
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import (
     Correction,
@@ -147,7 +147,7 @@ class _Branch(Tracer[BranchState, _Step]):
 
     def stop_reason(self, state: BranchState) -> BranchStop | None:
         """Why nothing follows a state."""
-        if self._returned(state, state.unknowns):
+        if returned(state, state.unknowns, self._metric(state.start)):
             return BranchStop.CLOSED
         if leaves_ranges((state.parameter,), (state.tangent_parameter,), (self.options.range,)):
             return BranchStop.RANGE
@@ -163,7 +163,7 @@ class _Branch(Tracer[BranchState, _Step]):
             return segment
         if segment.passes(state.start, state.arclength):
             landing = _land_on_start(segment, state, correction)
-            if landing.cycle is not None and self._returned(state, landing.cycle.unknowns):
+            if landing.cycle is not None and returned(state, landing.cycle.unknowns, segment.metric):
                 correction = landing
                 segment = self._segment(state, landing, reference)
                 if isinstance(segment, Rejected):
@@ -181,13 +181,7 @@ class _Branch(Tracer[BranchState, _Step]):
     def advance(self, state: BranchState, step: _Step) -> BranchState:
         """The state after an accepted step; the step length follows the Newton count."""
         cycle, tangent = step.segment.end, step.segment.end_tangent
-        length = adapted_length(
-            state.step,
-            step.point.iterations,
-            self.options.target_iterations,
-            self.options.minimum_step,
-            self.options.maximum_step,
-        )
+        length = adapted_length(state.step, step.point.iterations, self.options)
         return replace(
             state,
             index=state.index + 1,
@@ -211,10 +205,6 @@ class _Branch(Tracer[BranchState, _Step]):
         """The metric of a branch with this first cycle."""
         period = period_scale(first.state, first.period, self.options.maximum_step)
         return metric_of(self.problem, self.options.parameter_scale, period)
-
-    def _returned(self, state: BranchState, at: Unknowns) -> bool:
-        """Whether ``at`` is the first point again."""
-        return is_start(state.arclength, state.step, self._metric(state.start).norm(at.minus(state.start)))
 
     def _segment(
         self, state: BranchState, correction: Correction, reference: PhaseReference | None
@@ -278,7 +268,7 @@ class _Branch(Tracer[BranchState, _Step]):
         guess, grown = correction.cycle.unknowns, problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
         again = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
         demand = _NO_DEMAND if again.cycle is None else step_demand(problem, again.cycle)
-        return _one_history(correction, again), demand
+        return one_history(correction, again), demand
 
 
 def _first_cycle(
@@ -299,17 +289,6 @@ def _first_cycle(
         if demand.steps <= steps:
             return correction, correction.cycle, demand, reference
         guess, basis, steps = correction.cycle.unknowns, correction.cycle.basis, demand.steps
-
-
-def _one_history(first: Correction, second: Correction) -> Correction:
-    """The second correction with the history of both: the step length must follow the whole effort, not that
-    of the last touch.
-    """
-    return replace(
-        second,
-        residual_norms=first.residual_norms + second.residual_norms,
-        update_norms=first.update_norms + second.update_norms,
-    )
 
 
 @dataclass(frozen=True)
@@ -372,4 +351,4 @@ def _land_on_start(segment: Segment, state: BranchState, correction: Correction)
     landing = correct(
         segment.problem, state.start, constraint, segment.basis, segment.end.steps, segment.reference
     )
-    return _one_history(correction, landing)
+    return one_history(correction, landing)

@@ -77,14 +77,23 @@ def hermite_slopes(fraction: float, length: float) -> tuple[float, float, float,
     return ((6 * t**2 - 6 * t) / length, 3 * t**2 - 4 * t + 1, (6 * t - 6 * t**2) / length, 3 * t**2 - 2 * t)
 
 
-def adapted_length(step: float, iterations: int, target: int, shortest: float, longest: float) -> float:
-    """The next step: longer when the corrector needed less than ``target`` iterations, shorter when more."""
-    factor = 2.0 ** ((target - iterations) / 2.0)
-    return min(longest, max(shortest, step * min(2.0, max(0.5, factor))))
+def adapted_length(step: float, iterations: int, options: Any) -> float:
+    """The next step: longer when the corrector needed less than ``target_iterations``, shorter when more."""
+    factor = 2.0 ** ((options.target_iterations - iterations) / 2.0)
+    return float(min(options.maximum_step, max(options.minimum_step, step * min(2.0, max(0.5, factor)))))
+
+
+def one_history(
+    first: Correction, second: Correction, names: tuple[str, ...] = ("residual_norms", "update_norms")
+) -> Correction:
+    """The second correction with the histories of both: the step length must follow the whole effort."""
+    both = {name: getattr(first, name) + getattr(second, name) for name in names}
+    return replace(second, **both)  # type: ignore[type-var]
 
 
 State = TypeVar("State", bound="ResumableState")
 Accepted = TypeVar("Accepted", bound="Step")
+Correction = TypeVar("Correction")
 
 
 @dataclass(frozen=True)
@@ -273,9 +282,10 @@ class CubicPiece(ABC, Generic[Point]):
         return self.metric.norm(first.minus(self.guess(fraction))) <= _CLOSED * length
 
 
-def is_start(arclength: float, step: float, distance: float) -> bool:
-    """Whether a point at a ``distance`` from the first one is the first point again."""
-    return arclength > 2.0 * step and distance <= _SAME * step
+def returned(state: Any, at: Point, metric: Metric[Point]) -> bool:
+    """Whether ``at`` is the first point again; ``state`` has ``start``, ``arclength`` and ``step``."""
+    left = state.arclength > 2.0 * state.step
+    return bool(left and metric.norm(at.minus(state.start)) <= _SAME * state.step)
 
 
 class ResumableState:

@@ -22,8 +22,9 @@ from pipelines.bifurcations.continuation import (
     adapted_length,
     bound_passed,
     follow,
-    is_start,
     leaves_ranges,
+    one_history,
+    returned,
 )
 from pipelines.bifurcations.critical.correction import CurveConstraint, CurveCorrection
 from pipelines.bifurcations.critical.corrector import correct_critical
@@ -90,7 +91,14 @@ def continue_curve(
     CurveResult.
     """
     tracer = _Curve(problem, options, traced or {}, own)
-    return follow(tracer, start, record, limit, should_stop)
+    if isinstance(start, CurveState) and own is None:
+        tracer.remember(start)
+
+    def remembered(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
+        tracer.remember(state)
+        record(point, state, specials)
+
+    return follow(tracer, start, remembered, limit, should_stop)
 
 
 @dataclass(frozen=True)
@@ -123,6 +131,10 @@ class _Curve(Tracer[CurveState, _Step]):
         self._traced = traced
         self._own = own
 
+    def remember(self, state: CurveState) -> None:
+        """Add a recorded point to those that the curve may come to."""
+        self._own = KnownCurve.of([state]) if self._own is None else self._own.with_point(state)
+
     def open(self, start: CurveStart) -> tuple[CurvePoint, CurveState] | Rejected:
         """Correct the guess at right angles to the curve and orient the curve."""
         try:
@@ -132,7 +144,7 @@ class _Curve(Tracer[CurveState, _Step]):
 
     def stop_reason(self, state: CurveState) -> CurveStop | None:
         """Why nothing follows a state."""
-        if self._returned(state, state.position):
+        if returned(state, state.position, curve_metric(self.problem, self.options, state.start)):
             return CurveStop.CLOSED
         if state.index > 0 and (end := resonant_end(self.problem.kind, state.kappa)) is not None:
             return CurveStop.RESONANCE_1 if end is SpecialKind.R1 else CurveStop.RESONANCE_2
@@ -149,44 +161,28 @@ class _Curve(Tracer[CurveState, _Step]):
 
     def ends_before(self, state: CurveState, step: _Step) -> tuple[CurveStop, str] | None:
         """Whether the curve runs along a known one, or along itself."""
-        own = KnownCurve.of([state]) if self._own is None else self._own
         name = _along(state, step.end, self._traced, self.options)
-        if name is None and not self._returned(state, step.end.position):
-            itself = {"itself": own.without_last(_RECENT)}
+        metric = curve_metric(self.problem, self.options, state.start)
+        if name is None and self._own is not None and not returned(state, step.end.position, metric):
+            itself = {"itself": self._own.without_last(_RECENT)}
             name = _along(state, step.end, itself, self.options, same_sense=True)
         return None if name is None else (CurveStop.TRACED, f"it runs along {name}")
 
     def advance(self, state: CurveState, step: _Step) -> CurveState:
         """The state after an accepted step; the step length follows the count of the corrector."""
-        options = self.options
-        length = adapted_length(
-            state.step,
-            step.point.newton_iterations,
-            options.target_iterations,
-            options.minimum_step,
-            options.maximum_step,
-        )
         bend = step.end.tangent.minus(state.tangent).scaled(1.0 / step.length)
-        own = KnownCurve.of([state]) if self._own is None else self._own
-        new = replace(
+        return replace(
             state,
             bend_state=bend.state,
             bend_period=bend.period,
             bend_parameters=bend.parameters,
             index=state.index + 1,
-            step=length,
+            step=adapted_length(state.step, step.point.newton_iterations, self.options),
             arclength=state.arclength + step.length,
             previous_tests=state.tests,
             previous_arclength=state.arclength,
             **columns_of(self.problem, step.end),
         )
-        self._own = own.with_point(new)
-        return new
-
-    def _returned(self, state: CurveState, at: Position) -> bool:
-        """Whether ``at`` is the first point again."""
-        metric = curve_metric(self.problem, self.options, state.start)
-        return _returned(state, at, metric)
 
     def _attempt(self, state: CurveState) -> _Step | Rejected:
         problem, options = self.problem, self.options
@@ -199,7 +195,7 @@ class _Curve(Tracer[CurveState, _Step]):
             return segment
         if segment.passes(state.start, state.arclength):
             landing = _land_on_start(segment, state, options)
-            if landing is not None and _returned(state, landing.position, metric):
+            if landing is not None and returned(state, landing.position, metric):
                 segment = replace(segment, end=landing)
         # the test function of equations that are only piecewise smooth has kinks and corners; curves of one
         # kind cross in symmetric systems only
@@ -282,7 +278,7 @@ def _predict_and_correct(
         if again.point is None:
             return Rejected(again.advice)
         demand = demand_of(problem, again.point, steps)
-        found = _one_history(found, again)
+        found = one_history(found, again, ("residual_norms", "test_values"))
     return _segment(problem, state, options, constraint, found, reference, (newton_iterations, demand.error))
 
 
@@ -316,15 +312,6 @@ def _segment(
         state.gradient,
         found.point.steps,
         reference,
-    )
-
-
-def _one_history(first: CurveCorrection, second: CurveCorrection) -> CurveCorrection:
-    """The second correction with the history of both."""
-    return replace(
-        second,
-        residual_norms=first.residual_norms + second.residual_norms,
-        test_values=first.test_values + second.test_values,
     )
 
 
@@ -365,7 +352,7 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
     nothing = _STARTED * np.abs(after - before)
     if state.index == 0:
         before = np.where(np.abs(before) < nothing, 0.0, before)
-    if _returned(state, segment.end.position, segment.metric):
+    if returned(state, segment.end.position, segment.metric):
         after = np.where(np.abs(after) < nothing, 0.0, after)
     twice = _passed_twice(points, state, before, after, options.normal_form)
     seen = {bracket.special for bracket in twice}
@@ -408,8 +395,3 @@ def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptio
     if found.point is None:
         return None
     return curve_end(found, found.point, constraint, segment.chord, options.normal_form, segment.frame)
-
-
-def _returned(state: CurveState, at: Position, metric: PlaneMetric) -> bool:
-    """Whether ``at`` is the first point again."""
-    return is_start(state.arclength, state.step, metric.norm(at.minus(state.start)))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipelines.bifurcations import detection
+from pipelines.bifurcations import location
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchStop, ContinuationOptions
 from pipelines.bifurcations.detection import Event, EventKind
@@ -203,9 +203,9 @@ def test_a_branch_point_between_cycles_beside_it(power: int, monkeypatch: pytest
     """At the branch point itself the corrector may fail: there it has no unique solution."""
 
     def fails(*arguments: object) -> float:
-        raise detection._NotConvergedError
+        raise location._NotConvergedError
 
-    monkeypatch.setattr(detection, "_root", fails)
+    monkeypatch.setattr(location, "_root", fails)
     problem, event = unknown_period(power, within=1e-6)  # of the corrector's error over mu - 1
     assert event.residual < 1e-6
     assert event.state == pytest.approx([1.0, 0.0, 0.0], abs=1e-7)

@@ -38,10 +38,7 @@ def dips_inside(segment: Segment, previous_multipliers: Complex, previous_length
         if middle is None:
             return False
         previous_multipliers = middle.spectrum.multipliers
-    spectra = (previous_multipliers, segment.start_multipliers, segment.end.spectrum.multipliers)
-    tests = [_products(multipliers, autonomous) for multipliers in spectra]
-    for which in range(len(tests[0][0])):
-        values = _on_one_scale([(signs[which], logs[which]) for signs, logs in tests])
+    for which, values in enumerate(_three_values(segment, previous_multipliers)):
         other, start, end = (float(value) for value in values)
         side = end or start
         if first:
@@ -66,10 +63,7 @@ def may_be_crossed(segment: Segment, previous_multipliers: Complex, previous_len
     """
     if len(previous_multipliers) == 0 or not previous_length > 0.0:
         return False
-    autonomous = segment.problem.period_map.autonomous
-    spectra = (previous_multipliers, segment.start_multipliers, segment.end.spectrum.multipliers)
-    tests = [_products(multipliers, autonomous) for multipliers in spectra]
-    last, start, end = _on_one_scale([(signs[0], logs[0]) for signs, logs in tests])
+    last, start, end = _three_values(segment, previous_multipliers)[0]
     reached = start + _AHEAD * (start - last) * segment.length / previous_length
     return bool(start * end > 0.0 and start * reached <= 0.0)
 
@@ -102,6 +96,17 @@ def lowest_beyond(places: tuple[float, ...], values: tuple[float, ...], side: fl
     place = float(-0.5 * slope / bend)
     beyond = (level + 0.5 * slope * place) * side < 0.0
     return place if beyond and 0.0 < place < 1.0 else None
+
+
+def _three_values(segment: Segment, other_multipliers: Complex) -> list[Vector]:
+    """Each product at another point and at both ends of a segment, on one scale."""
+    autonomous = segment.problem.period_map.autonomous
+    spectra = (other_multipliers, segment.start_multipliers, segment.end.spectrum.multipliers)
+    tests = [_products(multipliers, autonomous) for multipliers in spectra]
+    return [
+        _on_one_scale([(signs[which], logs[which]) for signs, logs in tests])
+        for which in range(len(tests[0][0]))
+    ]
 
 
 def _on_one_scale(pairs: list[tuple[float, float]]) -> Vector:

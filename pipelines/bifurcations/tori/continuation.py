@@ -26,6 +26,7 @@ from pipelines.bifurcations.continuation import (
     bound_passed,
     follow,
     leaves_ranges,
+    one_history,
 )
 from pipelines.bifurcations.tori.fourier import amplitudes, nearest_fraction, resampled, tail
 from pipelines.bifurcations.tori.invariant_curve import (
@@ -33,7 +34,6 @@ from pipelines.bifurcations.tori.invariant_curve import (
     TorusCorrection,
     correct_on_angles,
     correct_torus,
-    one_history,
     torus_tangent,
 )
 from pipelines.bifurcations.tori.problem import (
@@ -43,6 +43,7 @@ from pipelines.bifurcations.tori.problem import (
     fixed_parameter,
     metric_of,
 )
+from pipelines.bifurcations.tori.slow_bases import SlowBases
 from pipelines.bifurcations.tori.stability import TorusSpectrum, settled_spectrum
 from pipelines.bifurcations.tori.torus import (
     TorusLimit,
@@ -58,7 +59,7 @@ from pipelines.orbits.system import Matrix, size_of
 from pipelines.orbits.vectors import Constraint
 
 _SPARE = 0.1  # share of the tolerance below which half of the angles are dropped
-_ROUGH_STEP = 0.25  # of the step after a torus that was too rough: such an attempt is dear
+_ROUGH_STEP = 0.25  # of the step after a torus that was too rough: such an attempt is expensive
 _NOTHING = 1e-3  # share of the deviation from the mean that a torus may not lose in a step
 # Beside a resonance the rotation changes unevenly: a tangent there differs from the mean over a step by more
 # than along a smooth curve.
@@ -99,19 +100,19 @@ class _Step:
 
 @dataclass(frozen=True)
 class _Segment(CubicPiece[TorusUnknowns]):
-    """The branch between two tori on the angles of the second."""
+    """The branch between two tori with their unit tangents, on the same angles; ``bases``: slow subspaces."""
 
     problem: TorusProblem
     metric: TorusMetric
-    state: TorusState
-    torus: Torus
-    tangent: TorusUnknowns
+    start: TorusUnknowns
+    start_tangent: TorusUnknowns
+    end: TorusUnknowns
+    end_tangent: TorusUnknowns
+    bases: SlowBases
 
     def ends(self) -> tuple[TorusUnknowns, TorusUnknowns, TorusUnknowns, TorusUnknowns]:
         """Start, unit tangent there, end, unit tangent there."""
-        count = self.torus.count
-        before, tangent = self.state.unknowns.resampled(count), self.state.tangent.resampled(count)
-        return before, tangent, self.torus.unknowns, self.tangent
+        return self.start, self.start_tangent, self.end, self.end_tangent
 
     def missed_at(self, fraction: float) -> float:
         """Distance of the torus at a fraction from the cubic.
@@ -119,8 +120,8 @@ class _Segment(CubicPiece[TorusUnknowns]):
         Zero when there is no such torus: in a resonance, where nothing can be told of the step.
         """
         cubic, row = self.guess(fraction), self.metric.row(self.chord)
-        constraint = Constraint(row, row.dot(self.ends()[0]) + fraction * row.dot(self.chord))
-        bases = self.state.slow_bases.resampled(len(cubic.states))
+        constraint = Constraint(row, row.dot(self.start) + fraction * row.dot(self.chord))
+        bases = self.bases.resampled(len(cubic.states))
         reference = _reference(self.problem, cubic)
         torus = correct_on_angles(self.problem, cubic, constraint, bases, reference).torus
         return 0.0 if torus is None else self.metric.norm(torus.unknowns.minus(cubic))
@@ -178,15 +179,16 @@ class _Tori(Tracer[TorusState, _Step]):
             return Rejected(_roughness(problem, torus), TorusStop.ROUGH, _ROUGH_STEP)
         if _collapsed(problem, torus.unknowns, state.unknowns):
             return Rejected(f"at {state.parameter:.8g} the torus is nearly a cycle", TorusStop.COLLAPSED)
-        chord = torus.unknowns.minus(state.unknowns.resampled(torus.count))
+        before, tangent_before = state.unknowns.resampled(torus.count), state.tangent.resampled(torus.count)
+        chord = torus.unknowns.minus(before)
         if metric.norm(chord) == 0.0:
             return Rejected("the corrector returned to the previous point")
         tangent = torus_tangent(problem, torus, metric.row(chord), _reference(problem, torus.unknowns))
         if tangent is None:
             return Rejected("the tangent is singular")
-        segment = _Segment(problem, metric, state, torus, metric.unit(tangent))
+        tangent, end = metric.unit(tangent), torus.unknowns
+        segment = _Segment(problem, metric, before, tangent_before, end, tangent, state.slow_bases)
         rule = StepRule(self.options.minimum_cosine, _MISSED, _DOUBTFUL_DEFECT, math.inf)
-        _, tangent_before, _, tangent = segment.ends()
         message = refusal(metric, tangent_before, chord, tangent, rule, segment.missed_at)
         if message is not None:
             return Rejected(message)
@@ -196,14 +198,8 @@ class _Tori(Tracer[TorusState, _Step]):
 
     def advance(self, state: TorusState, step: _Step) -> TorusState:
         """The state after an accepted step; the step length follows the count of the corrector."""
-        options, point = self.options, step.point
-        length = adapted_length(
-            state.step,
-            point.iterations,
-            options.target_iterations,
-            options.minimum_step,
-            options.maximum_step,
-        )
+        point = step.point
+        length = adapted_length(state.step, point.iterations, self.options)
         index, arclength = state.index + 1, state.arclength + step.length
         return _state(self.problem, point.torus, point.spectrum, step.tangent, index, length, arclength)
 

@@ -31,6 +31,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipelines.bifurcations.continuation import one_history
 from pipelines.bifurcations.tori.fourier import amplitudes, applied, resampled, shift_matrix, tail
 from pipelines.bifurcations.tori.problem import (
     TorusConstraint,
@@ -122,15 +123,6 @@ def correct_torus(
         )
         correction = one_history(correction, finer)
     return correction
-
-
-def one_history(first: TorusCorrection, second: TorusCorrection) -> TorusCorrection:
-    """The second correction with the history of both."""
-    return replace(
-        second,
-        residual_norms=first.residual_norms + second.residual_norms,
-        update_norms=first.update_norms + second.update_norms,
-    )
 
 
 def correct_on_angles(
