@@ -79,7 +79,6 @@ def test_watching_sees_all_cases_to_the_end(watched: tuple[Path, list[dict]]) ->
     assert looks[-1]["commands"] == []
     points = [look["total"]["points"] for look in looks]
     assert points == sorted(points)
-    assert any(look["total"]["running"] == 2 for look in looks), "two workers write"
     assert {case["state"] for case in looks[-1]["cases"].values()} == {"ended"}
     assert sorted(state["group"] for state in looks[-1]["groups"] if state["case"] == FIRST) == GROUPS
 

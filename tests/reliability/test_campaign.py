@@ -380,6 +380,26 @@ def test_only_deaths_without_progress_count(tmp_path: Path, monkeypatch: pytest.
     assert [run._deaths(chain) for _ in range(6)] == [1, 1, 2, 1, 2, 3]
 
 
+def test_every_free_worker_gets_a_case_of_its_own(tmp_path: Path) -> None:
+    handed_out = []
+
+    def submit(function: object, work: object, stop: str, *, pure: bool, workers: list[str]) -> str:
+        handed_out.append((workers, work))
+        return "future"
+
+    cases = [tiny_case(f"excitation.displacement={value}") for value in (0.1, 0.2, 0.3)]
+    client: Any = SimpleNamespace(submit=submit)
+    stop: Any = SimpleNamespace(name="stop")
+    nothing: Any = None
+    waiting = deque(campaign._Chain(case, ["linearize"]) for case in cases)
+    run = campaign._Campaign(client, Pool(2), stop, nothing, nothing, tmp_path, waiting)
+    run._assign({"first", "second"})
+    expected = [campaign.task("linearize", case, tmp_path) for case in cases[:2]]
+    assert handed_out == [(["first"], expected[0]), (["second"], expected[1])]
+    assert [chain.case for chain in run.waiting] == cases[2:]
+    assert [run.running[name].chain.case for name in ("first", "second")] == cases[:2]
+
+
 def test_the_port_of_dashboards_stays_free() -> None:
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(campaign._settings(Pool(1))))

@@ -114,6 +114,8 @@ class _Extent:
     """What decides the number of points where it is not known before."""
     without: Callable[[Case], str] = lambda case: ""
     """What the estimate of the time leaves out."""
+    settles: bool = True
+    """Whether nothing is left once its groups have ended."""
     adjusted: Callable[[Planned, _Here], Planned] = lambda found, here: found
     """What only this stage knows of what is there."""
 
@@ -188,6 +190,7 @@ def _curves(groups: tuple[str, ...], decided_by: str) -> _Extent:
         duration=Durations.of_curve_point,
         free=frozenset({"max_points", "max_curves"}),
         decided_by=decided_by,
+        settles=False,  # a curve that has ended does not say whether every bifurcation lies on one
     )
 
 
@@ -225,6 +228,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
         "track_folds": _curves(("folds/",), "ends when every fold of the store lies on a curve"),
         "bifurcation_set": replace(
             _curves(("pd/", "ns/", "folds/"), "ends when a round of fresh lines meets no new curve"),
+            settles=True,
             adjusted=_searched,
         ),
         "refine": _Extent(
@@ -305,12 +309,9 @@ def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> StageSt
 
 def _with_time(found: Planned, case: Case, durations: Durations) -> Planned:
     """The same with the time of the points that are left, or of one point where their number is not known."""
-    extent, settled = (
-        _EXTENTS[found.stage],
-        found.there in (StageStatus.COMPLETE, StageStatus.FAILED, StageStatus.DIFFERENT_SETTINGS),
-    )
-    # a curve that has ended does not say whether every bifurcation lies on one
-    if settled and found.stage not in ("track_pd", "track_ns", "track_folds"):
+    extent = _EXTENTS[found.stage]
+    ended = found.there in (StageStatus.COMPLETE, StageStatus.FAILED, StageStatus.DIFFERENT_SETTINGS)
+    if ended and extent.settles:
         return replace(found, seconds=0.0, note="")
     each = extent.duration(durations, case)
     if each is None:
