@@ -10,7 +10,7 @@ from enum import Enum, IntEnum
 import numpy as np
 
 from pipelines.bifurcations.continuation import Result, ResumableState, validate_stepping
-from pipelines.bifurcations.critical.critical_cycles import Frame
+from pipelines.bifurcations.critical.critical_cycles import BorderingVectors
 from pipelines.bifurcations.detection import DetectionOptions, EventKind, Resonance, strong_resonance
 from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
 from pipelines.bifurcations.plane import Position
@@ -112,8 +112,8 @@ class CurveState(ResumableState):
     A curve restarted from a copy of it continues with the same bits.  ``state``, the ``tangent_*``, the
     ``normal_*`` (the second tangent of the surface of cycles, across the curve), the ``gradient_*`` (row of
     the test function) and the ``bend_*`` (change of the tangent per arclength in the last step, zero at
-    first) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``,
-    ``left_phase``, ``kappa``: the frame of the test function; ``kappa_slope``: d kappa/d arclength;
+    first) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``, ``left_phase``,
+    ``cos_theta``: the bordering of the test function; ``cos_theta_slope``: its derivative by arclength;
     ``tests`` (11,): values of the special test functions in the order of ``SpecialKind``; ``previous_*`` is
     the point before, NaN at the first one; ``step`` is the next arclength step; ``steps`` are per period and
     leave ``step_error`` in the multipliers; ``start_*``: the first point.
@@ -139,8 +139,8 @@ class CurveState(ResumableState):
     left: Vector
     right_period: float
     left_phase: float
-    kappa: float
-    kappa_slope: float
+    cos_theta: float
+    cos_theta_slope: float
     tests: Vector
     previous_tests: Vector
     previous_arclength: float
@@ -178,8 +178,8 @@ class CurveState(ResumableState):
         return Position(self.start_state, self.start_period, self.start_parameters)
 
     @property
-    def frame(self) -> Frame:
-        return Frame(self.right, self.left, self.right_period, self.left_phase, self.kappa)
+    def bordering(self) -> BorderingVectors:
+        return BorderingVectors(self.right, self.left, self.right_period, self.left_phase, self.cos_theta)
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class CurvePoint:
     """One accepted point of a curve.
 
     ``cycle``: state, period, orbit, multipliers (its continued parameter is the first of the two);
-    ``parameters`` (2,): both free ones; ``kappa``: cos of the critical angle; ``alignment``: cosine between
+    ``parameters`` (2,): both free ones; ``cos_theta``: of the critical angle; ``alignment``: cosine between
     left and right null vector; ``right`` (N, m): critical vectors; ``normal_form``: None when not asked for
     or not defined; ``newton_iterations``: before the time steps were refined; ``step_error``: estimated error
     of the multipliers by the time steps, NaN where it is unknown; ``residual_norms`` and ``test_values``:
@@ -198,7 +198,7 @@ class CurvePoint:
     kind: EventKind
     cycle: Cycle
     parameters: Vector
-    kappa: float
+    cos_theta: float
     alignment: float
     right: Matrix
     normal_form: NormalForm | None
@@ -211,7 +211,7 @@ class CurvePoint:
     @property
     def angle(self) -> float:
         """Argument of the critical multiplier in [0, pi]."""
-        return float(np.arccos(min(1.0, max(-1.0, self.kappa))))
+        return float(np.arccos(min(1.0, max(-1.0, self.cos_theta))))
 
     @property
     def iterations(self) -> int:
@@ -231,8 +231,8 @@ class SpecialPoint:
     """A located point of codimension two.
 
     ``parameters`` (p,): all of them; ``state`` (N,), ``period``, ``multipliers`` (k,) by falling modulus,
-    ``kappa`` = cos of the critical angle, ``residual``: value of the test function; ``fraction``: position
-    in the step of the curve.
+    ``cos_theta`` of the critical angle, ``residual``: value of the test function; ``fraction``: position in
+    the step of the curve.
     """
 
     kind: SpecialKind
@@ -240,7 +240,7 @@ class SpecialPoint:
     state: Vector
     period: float
     multipliers: Complex
-    kappa: float
+    cos_theta: float
     residual: float
     fraction: float
     steps: int

@@ -146,7 +146,7 @@ class _Curve(Tracer[CurveState, _Step]):
         """Why nothing follows a state."""
         if returned(state, state.position, curve_metric(self.problem, self.options, state.start)):
             return CurveStop.CLOSED
-        if state.index > 0 and (end := resonant_end(self.problem.kind, state.kappa)) is not None:
+        if state.index > 0 and (end := resonant_end(self.problem.kind, state.cos_theta)) is not None:
             return CurveStop.RESONANCE_1 if end is SpecialKind.R1 else CurveStop.RESONANCE_2
         if leaves_ranges(state.parameters, state.tangent_parameters, self.options.ranges):
             return CurveStop.RANGE
@@ -219,7 +219,7 @@ def _along(
     where two curves cross at a small angle.  A curve comes to itself in the ``same_sense``; the other side of
     a narrow loop is no part of it.
     """
-    begin = _place(state.position, math.acos(min(1.0, max(-1.0, state.kappa))))
+    begin = _place(state.position, math.acos(min(1.0, max(-1.0, state.cos_theta))))
     places = (
         (_place(end.position, end.point.angle), end.tangent.parameters),
         (begin, state.tangent_parameters),
@@ -253,7 +253,7 @@ def _predict_and_correct(
     row = metric.row(state.tangent)
     constraint = CurveConstraint(row, row.dot(state.position) + state.step, across, state.gradient, metric)
     guess = state.position.plus(state.tangent, state.step).plus(state.bend, 0.5 * state.step**2)
-    basis, frame = state.basis, state.frame
+    basis, bordering = state.basis, state.bordering
     found: CurveCorrection | None = None
     for _ in range(3):
         bound = bound_passed(guess.parameters, options.ranges)
@@ -264,7 +264,7 @@ def _predict_and_correct(
             constraint = replace(constraint, row=problem.row_of_parameter(which), value=value)
         elif found is not None:
             break
-        found = correct_critical(problem, guess, constraint, basis, frame, steps, reference)
+        found = correct_critical(problem, guess, constraint, basis, bordering, steps, reference)
         if found.point is None:
             return Rejected(found.advice)
         guess = found.point.position
@@ -274,7 +274,7 @@ def _predict_and_correct(
     enough = demand.error <= _REPEATED * problem.options.step_tolerance
     if not enough and demand.steps > steps:
         steps = problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
-        again = correct_critical(problem, guess, constraint, found.point.basis, frame, steps, reference)
+        again = correct_critical(problem, guess, constraint, found.point.basis, bordering, steps, reference)
         if again.point is None:
             return Rejected(again.advice)
         demand = demand_of(problem, again.point, steps)
@@ -295,7 +295,7 @@ def _segment(
         return Rejected(found.advice)
     if constraint.metric.norm(found.point.position.minus(state.position)) == 0.0:
         return Rejected("the corrector returned to the previous point")
-    end = curve_end(found, found.point, constraint, state.tangent, options.normal_form, state.frame)
+    end = curve_end(found, found.point, constraint, state.tangent, options.normal_form, state.bordering)
     if end is None:
         return Rejected("the tangent is singular")
     newton_iterations, step_error = iterations_and_error
@@ -307,7 +307,7 @@ def _segment(
         state.tangent,
         end,
         state.basis,
-        state.frame,
+        state.bordering,
         constraint.across,
         state.gradient,
         found.point.steps,
@@ -334,7 +334,7 @@ def _with_specials(
         point, there = located
         if point is not None:
             specials.append(point)
-        if resonant_end(segment.problem.kind, there.point.kappa) is special and point is not None:
+        if resonant_end(segment.problem.kind, there.point.cos_theta) is special and point is not None:
             end, limit = there, point.fraction
     kept = tuple(sorted((p for p in specials if p.fraction <= limit), key=lambda point: point.fraction))
     end = replace(end, point=replace(end.point, unlocated=tuple(unlocated)))
@@ -363,9 +363,9 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
     ]
     if segment.problem.kind is not EventKind.NEIMARK_SACKER:
         return twice + once
-    # kappa may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
+    # cos_theta may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
     dips = (
-        dip_beyond(points, special, (state.kappa, state.kappa_slope))
+        dip_beyond(points, special, (state.cos_theta, state.cos_theta_slope))
         for special in (SpecialKind.R1, SpecialKind.R2)
     )
     return twice + once + [dip for dip in dips if dip is not None]
@@ -394,4 +394,4 @@ def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptio
     found = segment.correct_on(state.start, constraint, segment.anchors[0])
     if found.point is None:
         return None
-    return curve_end(found, found.point, constraint, segment.chord, options.normal_form, segment.frame)
+    return curve_end(found, found.point, constraint, segment.chord, options.normal_form, segment.bordering)

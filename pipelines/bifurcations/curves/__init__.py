@@ -1,6 +1,6 @@
 """Pieces of a bifurcation curve.
 
-- first_point: the first point: frame, tangent, sense
+- first_point: the first point: bordering, tangent, sense
 - segment: the end of a step, the piece before it, and special points on it
 - codimension_two: test functions of special points
 - double_passages: special points passed twice within a step

@@ -37,13 +37,13 @@ class KnownCurve:
     @classmethod
     def of(cls, states: Sequence[CurveState]) -> KnownCurve:
         """The curve through recorded states."""
-        kappa = np.array([state.kappa for state in states])
+        cos_theta = np.array([state.cos_theta for state in states])
         return cls(
             np.array([state.parameters for state in states]),
             np.array([state.tangent_parameters for state in states]),
             np.array([state.arclength for state in states]),
             np.array([state.state for state in states]),
-            np.arccos(np.clip(kappa, -1.0, 1.0)),
+            np.arccos(np.clip(cos_theta, -1.0, 1.0)),
         )
 
     def with_point(self, state: CurveState) -> KnownCurve:

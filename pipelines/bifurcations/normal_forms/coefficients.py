@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipelines.bifurcations.critical.critical_cycles import Critical, left_products
-from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation, sweep
+from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation, picard_iteration
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.section import on_section
 from pipelines.bifurcations.plane import Position
@@ -31,7 +31,7 @@ from pipelines.orbits.system import Matrix, Vector
 
 _SOLVE_TOLERANCE = 1e-7  # of the Picard part of h, h11 and h20 and of the left products
 _SHORTER = 0.1  # step of the first derivatives, in steps of the second
-_STRONG_RESONANCE = 1e-6  # distance of kappa from 1 or -1 below which d is not defined
+_STRONG_RESONANCE = 1e-6  # distance of cos_theta from 1 or -1 below which d is not defined
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def normal_form(
             values = _fold(linear, critical, options)
         elif kind is EventKind.PERIOD_DOUBLING:
             values = _period_doubling(linear, critical, options)
-        elif abs(critical.kappa) < 1.0 - _STRONG_RESONANCE:
+        elif abs(critical.cos_theta) < 1.0 - _STRONG_RESONANCE:
             values = _neimark_sacker(linear, critical, options)
         else:
             return None
@@ -202,9 +202,9 @@ def _solve(linear: ManifoldLinearisation, value: complex, columns: Complex) -> C
     real = np.hstack([columns.real, columns.imag])
     # q value = Q (M q + x) as a real pair [Re q, Im q]
     inverse = np.asarray(np.kron(np.linalg.inv(matrix), np.eye(count)), dtype=np.float64)
-    swept = sweep(linear.at, basis, real, inverse, _SOLVE_TOLERANCE, sizes=1.0 / linear.scale)
+    picard = picard_iteration(linear.at, basis, real, inverse, _SOLVE_TOLERANCE, sizes=1.0 / linear.scale)
     # (H - value) a = -V'(x + M q)
-    sources = columns + swept.image[:, :count] + 1j * swept.image[:, count:]
+    sources = columns + picard.image[:, :count] + 1j * picard.image[:, count:]
     projected = basis.T @ linear.image.columns
     inside = np.linalg.solve(value * np.eye(len(projected)) - projected, basis.T @ sources)
-    return np.asarray(basis @ inside + swept.columns[:, :count] + 1j * swept.columns[:, count:])
+    return np.asarray(basis @ inside + picard.columns[:, :count] + 1j * picard.columns[:, count:])

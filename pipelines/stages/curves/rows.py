@@ -95,7 +95,7 @@ def point_row(
 ) -> dict[str, Any]:
     """One row of a group of kind ``curve`` of a case."""
     spectrum, form = point.cycle.spectrum, point.normal_form
-    others = other_multipliers(point.kind, spectrum.multipliers, point.kappa, autonomous)
+    others = other_multipliers(point.kind, spectrum.multipliers, point.cos_theta, autonomous)
     return {
         **parameter_columns(case, point.cycle.parameters),
         "period": state.period,
@@ -104,8 +104,8 @@ def point_row(
         "step": state.step,
         "arclength": state.arclength,
         "angle": point.angle,
-        "kappa": state.kappa,
-        "kappa_slope": state.kappa_slope,
+        "kappa": state.cos_theta,
+        "kappa_slope": state.cos_theta_slope,
         "special_tests": state.tests,
         "multipliers": spectrum.multipliers,
         "multiplier_residual": spectrum.residuals,
@@ -152,7 +152,7 @@ def special_row(case: Case, special: SpecialPoint, after_point: int) -> dict[str
     """One located special point."""
     return _event_row(
         case, special.kind, special.parameters, special.state, special.period, special.multipliers,
-        after_point, angle=float(np.arccos(np.clip(special.kappa, -1.0, 1.0))), residual=special.residual,
+        after_point, angle=float(np.arccos(np.clip(special.cos_theta, -1.0, 1.0))), residual=special.residual,
     )  # fmt: skip
 
 
@@ -200,7 +200,7 @@ def stored_special(curve: Group, index: int) -> SpecialPoint:
         state=np.array(arrays["event_state"][index]),
         period=float(arrays["event_period"][index]),
         multipliers=multipliers[np.isfinite(multipliers)],
-        kappa=float(np.cos(arrays["event_angle"][index])),
+        cos_theta=float(np.cos(arrays["event_angle"][index])),
         residual=float(arrays["event_residual"][index]),
         fraction=float("nan"),
         steps=-1,
@@ -224,9 +224,8 @@ def resumed_state(newest: Resume, rows: Mapping[str, Array], names: tuple[str, s
     previous = max(0, newest.n_points - 2)
     tests = rows["special_tests"][previous]
     size = len(row["state"])
-    arrays: dict[str, Any] = {
-        name: row[name] for name in ("state", "period", "kappa", "kappa_slope", "step", "arclength")
-    }
+    arrays: dict[str, Any] = {name: row[name] for name in ("state", "period", "step", "arclength")}
+    arrays |= {"cos_theta": row["kappa"], "cos_theta_slope": row["kappa_slope"]}
     for name, direction in zip(DIRECTIONS, slots["directions"], strict=True):
         arrays |= {
             f"{name}_state": direction[:size],
