@@ -15,7 +15,7 @@ from pipelines.orbits.system import Matrix, Vector
 
 
 class BranchStop(Enum):
-    """Why a branch ended, with what to do about it."""
+    """Why a branch ended, with advice."""
 
     RANGE = "the end of the parameter range is reached: widen the range to go on"
     CLOSED = "the branch closed on its first point: nothing more to compute"
@@ -78,7 +78,7 @@ class BranchStart:
 
 @dataclass(frozen=True)
 class BranchState(ResumableState):
-    """Everything the next step depends on, as plain arrays and numbers.
+    """Everything that determines the next step, as plain arrays and numbers.
 
     A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``,
     ``start_state`` (N,), ``basis`` (N, k), ``multipliers`` (m,) complex; ``index`` counts the recorded points
