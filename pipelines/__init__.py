@@ -1,4 +1,4 @@
-"""The computations of agfb, in layers: each imports the layers below it only.
+"""The computations of agfb, in layers: each layer imports only the layers below it.
 
 - stages: a case in, groups of a store out; the scheduling of many cases
 - figures: pictures, drawn from stores alone

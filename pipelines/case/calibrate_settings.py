@@ -1,4 +1,4 @@
-"""The table of the calibration: which keys may change, and which values the machine must then meet."""
+"""The table of the calibration: which keys may change, and which values the machine must reach."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _positive(value: tuple[float, float]) -> tuple[float, float]:
 
 
 class CalibrationTarget(Table):
-    """One value that the machine shall have."""
+    """One value that the machine must reach."""
 
     quantity: Literal["onset_speed", "critical_speed", "onset_slope"] = choice(
         "`onset_speed`: lowest speed at which the cycle (at displacement 0 the equilibrium) loses stability; "
@@ -126,7 +126,7 @@ class CalibrationTarget(Table):
 
     @property
     def wanted(self) -> float:
-        """The wanted value in its own unit."""
+        """The target value in its own unit."""
         value = self.value if self.value is not None else self.value_rpm
         assert value is not None
         return value
@@ -191,7 +191,7 @@ class Calibrate(Table):
 def calibration_inconsistencies(
     settings: Calibrate, document: Document, rebuild: Rebuild
 ) -> Iterator[Inconsistency]:
-    """What of a calibration the case, whose resolved ``document`` is given, does not bear."""
+    """What in a calibration contradicts the case, whose resolved ``document`` is given."""
     seen: set[str] = set()
     for index, parameter in enumerate(settings.parameters):
         at: Path = ("calibrate", "parameters", index)
@@ -214,7 +214,7 @@ def calibration_inconsistencies(
 
 
 def _refused(rebuild: Rebuild, assignments: Mapping[str, Any]) -> list[str]:
-    """Why a case with other values is none; empty when it is one."""
+    """Why a case with other values is invalid; empty if it is valid."""
     ((key, value),) = assignments.items()
     try:
         rebuild(assignments)

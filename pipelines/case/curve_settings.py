@@ -1,4 +1,4 @@
-"""Tables of the bifurcation curves: what to follow, in which plane, and how to search it."""
+"""Tables of the bifurcation curves: which curves to trace, in which plane, and how to search it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Table of the tori: from where quasi-periodic orbits are followed, and how."""
+"""Table of the tori: where branches of quasi-periodic orbits start and how they are continued."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class ContinueTori(Table):
 def torus_inconsistencies(
     stage: ContinueTori, excitation: Excitation, formulation: str, unbalance: Unbalance | None
 ) -> Iterator[Inconsistency]:
-    """What makes tori of this case impossible; ``formulation``: that of its cycles."""
+    """Why tori of this case are impossible; ``formulation``: of its cycles."""
     if stage.origin == "unbalance" and unbalance is None:
         yield ("origin",), "needs the table [unbalance], which says where the rotor is out of balance"
     if excitation.frequency is None and excitation.frequency_hz is None:

@@ -1,4 +1,4 @@
-"""Tables of the rotor's unbalance and of the transient runs."""
+"""Tables of the rotor's unbalance and of transients."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def unbalance_moments(
 
 
 class Transient(Table):
-    """Time integration, with the table [unbalance] if there is one; `units` are those of times and speeds."""
+    """Time integration, with the table [unbalance] if given; `units` apply to times and speeds."""
 
     start: str = quantity(
         "`equilibrium`, a branch of cycles of the same case such as `cycles/b000`, or an earlier run such as "
@@ -308,7 +308,7 @@ class Transient(Table):
 
 
 def unbalance_on_shaft(unbalance: Unbalance | None, info: ValidationInfo) -> Unbalance | None:
-    """The case's check that every plane of the unbalance lies on the shaft."""
+    """Check that every plane of the unbalance lies on the shaft."""
     rotor: Rotor | None = info.data.get("rotor")
     if unbalance is None or rotor is None:
         return unbalance
@@ -323,6 +323,6 @@ def unbalance_on_shaft(unbalance: Unbalance | None, info: ValidationInfo) -> Unb
 
 
 def transient_inconsistencies(stage: Transient, excitation: Excitation) -> Iterator[Inconsistency]:
-    """What makes a run impossible for the case's excitation."""
+    """Why a transient is impossible with the case's excitation."""
     if stage.excitation.startswith("switch") and 0 in (excitation.displacement, excitation.load):
         yield ("excitation",), "there is nothing to switch: excitation.displacement is 0"

@@ -1,4 +1,4 @@
-"""Stores: the only place that touches files of results.
+"""Stores: the only package that touches result files.
 
 - schema, layout, metadata: what a store holds, as data; its arrays on the disk; its `zarr.json` files
 - chunks, durable, locking: one chunk, one file; files that survive; one writer per group

@@ -1,4 +1,4 @@
-"""Pictures drawn from stores alone: nothing here computes physics.
+"""Figures drawn from stores alone: nothing here computes physics.
 
 - drawing: all figures of a store: which there are, what they need, where their files go
 - contents, case_tables, runs, several_cases: what figures are drawn from

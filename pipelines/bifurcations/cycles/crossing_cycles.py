@@ -134,8 +134,8 @@ class _CrossingCycles:
     def critical(self, near: float, move: float) -> Cycle | None:
         """The cycle where the test function vanishes, from cycles on the side of ``move``.
 
-        The search begins ``near`` a parameter.  Cycles farther away are less disturbed by the other branch, but
-        nearer ones lie more nearly on a line.
+        The search begins ``near`` a parameter.  Cycles farther away are less disturbed by the other branch,
+        but nearer ones lie more nearly on a line.
         """
         found: list[tuple[float, Cycle]] = []
         try:
