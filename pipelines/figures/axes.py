@@ -139,7 +139,7 @@ def coloured_line(
 
 
 def gaps(x: NDArray[np.float64], present: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Intervals of rising ``x`` without results: each from the last point before to the first point after it."""
+    """Intervals of rising ``x`` without results: from the last point before to the first point after each."""
     known = np.concatenate([[0], np.flatnonzero(present), [len(x) - 1]])
     ends = list(pairwise(known))
     return [

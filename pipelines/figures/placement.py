@@ -25,9 +25,7 @@ LABEL_WEIGHT, OUTSIDE_WEIGHT, DISTANCE_WEIGHT = 1e4, 1e6, 0.02  # against one sa
 def spread(wanted: Array, gap: float, low: float, high: float) -> Array:
     """Positions (n,) in order inside [low, high], nearest to increasing ``wanted`` ones.
 
-    They lie at least ``gap`` apart.
-
-    Where they do not fit, they are equally spaced over the whole interval.
+    They lie at least ``gap`` apart, or equally spaced over the whole interval where they do not fit.
     """
     count = len(wanted)
     if count == 0:

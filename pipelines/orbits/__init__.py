@@ -1,4 +1,4 @@
-"""Dynamical systems, their period maps, cycles, equilibria and runs in time.
+"""Dynamical systems, their period maps, cycles, equilibria and transients.
 
 - system, compiled: what the engine knows of a system; systems from Python functions
 - vectors: points, directions, metric and constraints of continuations
