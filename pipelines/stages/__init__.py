@@ -1,4 +1,4 @@
-"""Stages: a case in, groups of a store out; and the scheduling of many cases.
+"""Stages: compute groups of a store from a case, and schedule many cases.
 
 - results: what a stage tells while it runs and when it ends
 - job: a case with its machine and its store

@@ -1,4 +1,4 @@
-"""Keys fitted to target thresholds.
+"""Fit keys to target thresholds.
 
 - calibrate: the stage
 - targets: what a machine reaches of the targets

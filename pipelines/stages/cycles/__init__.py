@@ -1,4 +1,4 @@
-"""Branches of cycles into a store.
+"""Compute branches of cycles into a store.
 
 - continue_cycles: the stage
 - problem: from a case to the continuation problem

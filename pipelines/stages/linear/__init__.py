@@ -1,4 +1,4 @@
-"""Linear stages along the speed.
+"""Linear analyses along the speed.
 
 - linearize: equilibria, bearing coefficients, eigenvalues
 - criticals: Campbell diagram, critical speeds, predicted resonances

@@ -1,4 +1,4 @@
-"""Bifurcations on finer grids.
+"""Recompute bifurcations on finer grids.
 
 - refine: the stage
 - points: which bifurcations are worth it

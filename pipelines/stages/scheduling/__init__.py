@@ -1,4 +1,4 @@
-"""Stages of many cases.
+"""Scheduling of the stages of many cases.
 
 - registry: the stages by name
 - tasks: one stage on one case; how it ended, recorded in the store

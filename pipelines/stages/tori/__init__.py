@@ -1,4 +1,4 @@
-"""Branches of tori into a store.
+"""Compute branches of tori into a store.
 
 - continue_tori: the stage
 - sources: where branches begin

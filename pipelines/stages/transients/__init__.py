@@ -1,4 +1,4 @@
-"""Runs in time into a store.
+"""Compute transients into a store.
 
 - transient: the stage
 - start: where a run starts
