@@ -45,8 +45,8 @@ def show_plan(
     parts += [f"stages of unknown length: {unknown}"] if unknown else []
     console.data(f"left: {'; '.join(parts) or 'nothing'}")
     if seconds:
-        console.message("times are measured on a few points now: good to a factor of two or three")
-    console.message(f"dry run: {'creates' if afresh else 'goes on with'} {store}; nothing was computed")
+        console.message("times are measured on a few points now: within a factor of two or three")
+    console.message(f"dry run: {'creates' if afresh else 'resumes'} {store}; nothing was computed")
 
 
 def time_left(planned: Sequence[Planned], processes: int) -> tuple[float, int]:

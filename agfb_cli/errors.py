@@ -78,7 +78,7 @@ _FORBIDDEN = {
 }
 """What the system refuses to do with a path, in other words where its own do not tell."""
 _WRONG_CALL = (errno.EBADF, errno.ECHILD, errno.EFAULT)  # what no state of the system brings about
-_RESUMES = "what was committed is kept; the same command goes on from there"
+_RESUMES = "committed points are kept; the same command resumes"
 
 
 def explain(error: BaseException) -> Explanation:
@@ -130,7 +130,7 @@ def _explain_system_error(error: OSError) -> Explanation:
         )
     if error.errno in _FORBIDDEN:
         told, elsewhere = _FORBIDDEN[error.errno], "name a directory that you may write to with -o"
-        hint = elsewhere if told else f"do you have the right? Where something is to be written, {elsewhere}"
+        hint = elsewhere if told else f"check the permissions; to write elsewhere, {elsewhere}"
         return Explanation(ExitCode.STORE, where + (told or str(error.strerror)), hint)
     if error.errno == errno.ENAMETOOLONG:
         return Explanation(ExitCode.USAGE, where + "the name is too long", "name a shorter one")
@@ -144,7 +144,7 @@ def _explain_system_error(error: OSError) -> Explanation:
         return _bug(error)
     if error.errno is None:  # a library's own, for instance llvmlite's where it cannot be loaded
         return Explanation(
-            ExitCode.RESOURCES, f"{error}", "is there memory enough? `agfb doctor` checks the installation"
+            ExitCode.RESOURCES, f"{error}", "is there enough memory? `agfb doctor` checks the installation"
         )
     return Explanation(
         ExitCode.RESOURCES,

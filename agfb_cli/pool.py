@@ -67,4 +67,4 @@ def _variables() -> list[str]:
 def _settings_advice() -> str:
     if names := _variables():
         return f"are these variables of the environment right: {', '.join(names)}?"
-    return "mend or remove the file of settings, or leave out --workers and --scheduler"
+    return "correct or remove the settings file, or leave out --workers and --scheduler"

@@ -22,18 +22,18 @@ from pipelines.orbits.system import Matrix, Vector
 class CurveStop(Enum):
     """Why a curve ended, with advice."""
 
-    RANGE = "the end of the range of a parameter is reached: widen the range to go on"
+    RANGE = "the end of the range of a parameter is reached: widen the range to continue"
     CLOSED = "the curve closed on its first point: nothing more to compute"
     RESONANCE_1 = "the multipliers meet at 1 (R1): follow the fold curve through this point"
     RESONANCE_2 = "the multipliers meet at -1 (R2): follow the period-doubling curve through this point"
-    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
+    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to continue"
     MINIMUM_STEP = (
         "the step fell below its minimum: lower minimum_step, tighten the grid, allow more iterations or use "
         "the bordered formulation"
     )
     LIMIT = "a limit set by the caller is reached"
     TRACED = "another curve was traced here before: nothing more to compute"
-    INTERRUPTED = "stopped on request after a complete point: start again to go on"
+    INTERRUPTED = "stopped on request after a complete point: run again to resume"
     START_FAILED = "the first point did not converge: start from a better located bifurcation"
 
     @property

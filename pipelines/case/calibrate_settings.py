@@ -68,16 +68,16 @@ class CalibrationTarget(Table):
         "the frequency of the highest onset speed",
         "onset_speed",
     )
-    value: float | None = scalar("the wanted value, dimensionless", "1", None)
+    value: float | None = scalar("the target value, dimensionless", "1", None)
     value_rpm: float | None = scalar(
-        "the same as a rotating speed", "rpm", None, above=0, because="a speed is positive"
+        "the target value as a rotating speed", "rpm", None, above=0, because="a speed is positive"
     )
     weight: float | None = scalar(
-        "by which the deviation is multiplied; 1 without uncertainty", "1", None, above=0,
-        because="a target without weight is none",
+        "factor on the deviation; 1 without uncertainty", "1", None, above=0,
+        because="a target without weight has no effect",
     )  # fmt: skip
     uncertainty: float | None = scalar(
-        "of the value, in its unit: deviations count in units of it", "of the value", None, above=0,
+        "uncertainty of the target value, in its unit", "of the value", None, above=0,
         because="deviations are divided by it",
     )  # fmt: skip
     bifurcation: Literal["any", "neimark_sacker", "period_doubling"] = choice(
@@ -93,7 +93,7 @@ class CalibrationTarget(Table):
         at_most=1, because="the slope is their central difference",
     )  # fmt: skip
     speed_range: Interval | None = table(
-        "speeds between which the onset is sought; calibrate.speed_range if not given", None, unit="1"
+        "speeds between which the onset is searched; calibrate.speed_range if not given", None, unit="1"
     )
     set: dict[str, Any] = table(
         'configuration keys of this target alone, such as { "excitation.frequency" = 0.2 }', {}
@@ -152,10 +152,10 @@ class Calibrate(Table):
         "the unknowns", min_length=1, max_length=50, because="something must be free"
     )
     targets: tuple[CalibrationTarget, ...] = table(
-        "what the machine shall meet", min_length=1, max_length=200, because="something must be wanted"
+        "values that the machine must reach", min_length=1, max_length=200, because="something must be wanted"
     )
     max_evaluations: int = scalar(
-        "most machines that are computed, those of the differences included",
+        "maximum number of computed machines, including those for differences",
         "",
         60,
         at_least=2,
@@ -179,7 +179,7 @@ class Calibrate(Table):
         because="it must exceed the noise of the targets and stay local",
     )
     speed_range: Interval = table(
-        "dimensionless speeds between which onsets are sought", (0.3, 1.6), unit="1"
+        "dimensionless speeds between which onsets are searched", (0.3, 1.6), unit="1"
     )
 
     @field_validator("speed_range")

@@ -52,10 +52,15 @@ class TrackCurves(Table):
         because="the store is laid out for them",
     )
     max_curves: int = quantity(
-        "most curves of each kind", "", 50, at_least=1, at_most=999, because="they are numbered c000 to c999"
+        "maximum number of curves of each kind",
+        "",
+        50,
+        at_least=1,
+        at_most=999,
+        because="they are numbered c000 to c999",
     )
     normal_forms: bool = table(
-        "whether sub- and supercritical are told apart by the normal form at every point", True
+        "whether every point gets its normal form, which separates sub- and supercritical", True
     )
 
     normal_form_widths: tuple[Number, ...] = table(
@@ -136,7 +141,7 @@ class BifurcationSet(Table):
         True,
     )
     max_rounds: int = quantity(
-        "most rounds of fresh branches; the search is complete when a round meets no new curve",
+        "maximum number of rounds of new branches; the search is complete when a round meets no new curve",
         "",
         4,
         at_least=1,

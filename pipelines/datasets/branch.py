@@ -402,7 +402,7 @@ def _adopt(
         return False
     if differing:
         raise OtherConfigurationError(
-            f"the branch was computed otherwise: {'; '.join(differing)}",
+            f"the branch was computed with other settings: {'; '.join(differing)}",
             "Name another store with -o, move this one aside with --force, or remove this folder",
             metadata.folder,
         )

@@ -18,8 +18,8 @@ from pipelines.orbits.system import Matrix
 class TorusStop(Enum):
     """Why a branch of tori ended, with advice."""
 
-    RANGE = "the end of the parameter range is reached: widen the range to go on"
-    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
+    RANGE = "the end of the parameter range is reached: widen the range to continue"
+    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to continue"
     MINIMUM_STEP = "the step fell below its minimum: lower minimum_step or allow more iterations"
     ROUGH = (
         "the Fourier series of the curve no longer falls below its tolerance: the torus locks or breaks up; "
@@ -27,7 +27,7 @@ class TorusStop(Enum):
     )
     COLLAPSED = "the torus shrank onto a cycle: follow the cycles through the Neimark-Sacker point"
     LIMIT = "a limit set by the caller is reached"
-    INTERRUPTED = "stopped on request after a complete point: start again to go on"
+    INTERRUPTED = "stopped on request after a complete point: run again to resume"
     START_FAILED = "the first torus did not converge: start at another parameter or from a better guess"
 
     @property

@@ -35,12 +35,12 @@ GROUP = "calibration"
 CONVERGED = "converged"
 OTHER_ONSET = "another onset lies below"
 FAILED_TARGETS = "some targets cannot be computed"
-OUT_OF_EVALUATIONS = "the allowed number of machines is computed"
+OUT_OF_EVALUATIONS = "the allowed number of machines has been computed"
 ADVICE = {
     CONVERGED: "",
-    OTHER_ONSET: "the found machine loses stability below the onset that was followed: start again from it",
+    OTHER_ONSET: "the found machine loses stability below the onset that was followed: start another search from this machine",
     FAILED_TARGETS: "the table of targets says why; narrow the ranges of the parameters or of the speed",
-    OUT_OF_EVALUATIONS: "raise calibrate.max_evaluations to go on, or calibrate.tolerance",
+    OUT_OF_EVALUATIONS: "raise calibrate.max_evaluations to continue, or calibrate.tolerance",
 }
 NO_TABLE = "there is no table [calibrate]"
 DIGITS = 10  # of the values of parameters

@@ -48,8 +48,8 @@ STATUSES = {
     NO_CYCLE: "no cycle was found to start from: raise the lowest speed of the range",
     BRANCH_LOST: "the branch could not be followed: lower continue_cycles.maximum_step or minimum_step",
     FILM_LIMIT: "the film touches the foil before an onset: see continue_cycles.minimum_film",
-    INVALID: "these values make no machine",
-    UNDECIDED: "critical speeds below it may be missing: agfb criticals tells where and why",
+    INVALID: "these values give no valid machine",
+    UNDECIDED: "critical speeds below it may be missing: agfb criticals shows where and why",
 }
 FAILED = frozenset({NO_EQUILIBRIUM, NO_CYCLE, BRANCH_LOST, FILM_LIMIT, INVALID, UNDECIDED})
 HOPF = "hopf"

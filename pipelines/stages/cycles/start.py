@@ -99,9 +99,9 @@ def _too_stiff(problem: CycleProblem, start: BranchStart) -> NoStart | None:
         return None
     return NoStart(
         f"the machine is too stiff: stability needs {steps} steps per period (fastest rate {radius:.3g})",
-        "a foil relaxes at the rate 1/loss_factor, a film at one that grows like the fourth power of "
-        "numerics.axial: raise the one, lower the other, or use the implicit numerics.stepper; "
-        "numerics.steps_per_period insists on a number",
+        "a foil relaxes at the rate 1/loss_factor, a film at a rate that grows like the fourth power of "
+        "numerics.axial: raise loss_factor, lower numerics.axial, or use the implicit numerics.stepper; "
+        "numerics.steps_per_period forces a number of steps",
     )
 
 

@@ -257,11 +257,11 @@ def set_cautions(searched: dict[str, Any] | Any) -> list[str]:
         return ["the plane was not searched: bifurcations off the tracked curves are not known"]
     told = [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
     if "fold" not in searched.get("kinds", ("fold",)):
-        told.append("folds were not followed (bifurcation_set.kinds): stability may be lost by one before")
+        told.append("folds were not traced (bifurcation_set.kinds): stability may end earlier at a fold")
     if searched.get("boundaries", False):
         told.append(
-            "only curves were followed that bound stable cycles where a branch or a curve meets them "
-            "(bifurcation_set.boundaries): others may do so elsewhere"
+            "only curves that bound stable cycles where a branch or a curve meets them were traced "
+            "(bifurcation_set.boundaries): the others may bound stable cycles elsewhere"
         )
     return told
 
@@ -283,7 +283,9 @@ def range_over(
         if concerned.any()
     ]
     if any(boundary.base == UNSET for boundary in boundaries):
-        told.append("no stored cycle tells everywhere whether the lowest speed is stable: taken as stable")
+        told.append(
+            "the stability at the lowest speed is not known everywhere from stored cycles: assumed stable"
+        )
     return OperatingRange(
         parameter,
         plane.abscissae,

@@ -99,7 +99,7 @@ def _settings(pool: Pool) -> dict[str, Any]:
 
 
 def _advice(pool: Pool) -> str:
-    resumes = "what was committed is kept; the same command goes on from there"
+    resumes = "committed points are kept; the same command resumes"
     if pool.address is None:
         return f"choose fewer --workers, or leave the option out: memory or processes ran short; {resumes}"
     return f"`dask scheduler` prints its address, `dask worker ADDRESS` adds a worker; {resumes}"
@@ -289,7 +289,7 @@ class _Campaign:
         yield chain.stages[0], _lost(case_id, error)
         for stage in chain.stages[1:]:
             reason = f"not computed: {chain.stages[0]} did not end"
-            yield stage, StageResult(case_id, False, reason, "run the command again to try once more")
+            yield stage, StageResult(case_id, False, reason, "run the command again to retry")
 
     def _deaths(self, chain: _Chain) -> int:
         """How many workers have died with the case since it committed its newest point, including this one.

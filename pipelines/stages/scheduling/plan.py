@@ -221,7 +221,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             free=frozenset(NOT_ASKED),
             most=lambda case: case.continue_cycles.max_points * len(continue_cycles.directions(case)),
             without=lambda case: (
-                "without branches of doubled cycles" if case.continue_cycles.doublings > 0 else ""
+                "without period-doubled branches" if case.continue_cycles.doublings > 0 else ""
             ),
             adjusted=_in_both_directions,
         ),
@@ -229,7 +229,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
         "track_ns": _curves(("ns/",), "ends when every Neimark-Sacker point of the store lies on a curve"),
         "track_folds": _curves(("folds/",), "ends when every fold of the store lies on a curve"),
         "bifurcation_set": replace(
-            _curves(("pd/", "ns/", "folds/"), "ends when a round of fresh lines meets no new curve"),
+            _curves(("pd/", "ns/", "folds/"), "ends when a round of new lines meets no new curve"),
             settles=True,
             adjusted=_searched,
         ),
@@ -248,7 +248,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             table="continue_tori",
             duration=Durations.of_torus,
             free=frozenset({"max_points"}),
-            decided_by="a torus takes the longer the more angles it needs, here with the fewest",
+            decided_by="estimated with the fewest angles; a torus with more angles takes longer",
         ),
         "calibrate": _Extent(
             groups=(calibrate.GROUP,),
