@@ -1,4 +1,4 @@
-"""Exit codes, and what to tell the user about each kind of error."""
+"""Exit codes, and the explanation of each kind of error to the user."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from agfb_cli.console import Console
 
 
 class ExitCode(IntEnum):
-    """What the shell sees."""
+    """Exit code seen by the shell."""
 
     DONE = 0
     BUG = 1
@@ -46,11 +46,11 @@ class Explanation:
 
     @property
     def text(self) -> str:
-        """What is written on stderr."""
+        """The text for stderr."""
         return f"error: {self.message}" + (f"\nhint: {self.hint}" if self.hint else "")
 
     def as_dict(self) -> dict[str, object]:
-        """What a program is told."""
+        """The JSON document for programs."""
         return {"code": int(self.code), "message": self.message, "hint": self.hint}
 
 
@@ -185,7 +185,10 @@ def explained(console: Console) -> Iterator[None]:
 
 
 def _report(explanation: Explanation, console: Console, text: str) -> None:
-    """Tell the user, and with `--json` the program that reads stdout, unless it has its document already."""
+    """Report the error to the user, and with `--json` also to the program that reads stdout.
+
+    Not if stdout has its document already.
+    """
     console.error(text)
     if console.json and not console.answered:
         console.json_data({"error": explanation.as_dict()})

@@ -148,7 +148,7 @@ class Bearing(Table):
         because="an angle in rad, not in degrees",
     )
     clipping: Literal["gumbel", "smooth", "full"] = choice(
-        "sub-ambient pressure in the gas force: `gumbel` counts it as ambient, `smooth` is its regularisation, "
+        "sub-ambient pressure in the gas force: `gumbel` counts it as ambient, `smooth` does so regularised, "
         "`full` keeps it",
         "gumbel",
     )

@@ -38,7 +38,8 @@ FAILED_TARGETS = "some targets cannot be computed"
 OUT_OF_EVALUATIONS = "the allowed number of machines has been computed"
 ADVICE = {
     CONVERGED: "",
-    OTHER_ONSET: "the found machine loses stability below the onset that was followed: start another search from this machine",
+    OTHER_ONSET: "the found machine loses stability below the onset that was followed: "
+    "start another search from this machine",
     FAILED_TARGETS: "the table of targets says why; narrow the ranges of the parameters or of the speed",
     OUT_OF_EVALUATIONS: "raise calibrate.max_evaluations to continue, or calibrate.tolerance",
 }
