@@ -1,4 +1,4 @@
-"""`agfb doctor`: is this machine fit to run agfb?"""
+"""`agfb doctor`: checks that this machine can run agfb."""
 
 from __future__ import annotations
 

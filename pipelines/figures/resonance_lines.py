@@ -44,12 +44,7 @@ def resonances_of(criticals: Table, low: float, high: float) -> list[Resonance]:
 
 
 def formula(kind: str, j: int, k: int, order: int) -> str:
-    """Formula of a resonance: 2 Omega_j / n, (Omega_j + Omega_k) / n,
-
-    Omega_j - Omega_k
-
-    / n.
-    """
+    """Formula of a resonance: 2 Omega_j / n, (Omega_j + Omega_k) / n or |Omega_j - Omega_k| / n."""
     first, second = rf"\bar{{\Omega}}_{{{j}}}", rf"\bar{{\Omega}}_{{{k}}}"
     if kind == "principal":
         return f"${first}$" if order == 2 else f"$2{first}$" + ("" if order == 1 else f"/{order}")

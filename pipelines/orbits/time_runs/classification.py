@@ -151,7 +151,9 @@ def _trend(steps: Array, limits: Limits) -> int:
 
 
 def chaos_test(points: Array) -> float:
-    """K of the 0-1 test: the median over c of the correlation between n and the mean square displacement of
+    """The outcome K of the 0-1 test for chaos.
+
+    The median over c of the correlation between n and the mean square displacement of
 
         p(n) = sum_j x_j cos(j c),   q(n) = sum_j x_j sin(j c)
 

@@ -112,11 +112,9 @@ def _passes(circle: PeriodCircle, at: TorusUnknowns, steps: int) -> tuple[Array,
 
 
 def _step_error(circle: PeriodCircle, at: TorusUnknowns, images: Array) -> float:
-    """With n and n/2 steps of order p:
+    """Error of the images with n steps of order p: |x_n - x_{n/2}| / (2^p - 1).
 
-    x_n - x_{n/2}
-
-    / (2^p - 1).
+    NaN for an explicit stepper, whose steps follow from stability.
     """
     stepper = circle.period_map.stepper
     if not isinstance(stepper, ImplicitStepper):
