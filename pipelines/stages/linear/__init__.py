@@ -2,6 +2,6 @@
 
 - linearize: equilibria, bearing coefficients, eigenvalues
 - criticals: Campbell diagram, critical speeds, predicted resonances
-- condensed_modes: how far the condensed rotor is off
+- condensed_modes: error of the condensed rotor
 - missing_speeds: speeds without equilibrium
 """

@@ -4,5 +4,5 @@
 - tasks: one stage on one case; how it ended, recorded in the store
 - pool, campaign: where tasks run; the tasks of many cases on a Dask cluster
 - preparation: the store that a run writes to
-- durations, plan: timed pieces of work; what a dry run foresees
+- durations, plan: timed pieces of work; plan of a dry run
 """

@@ -2,6 +2,6 @@
 
 - continue_tori: the stage
 - sources: where branches begin
-- branch: one branch: started, followed, resumed, ended
+- branch: one branch: start, continue, resume, end
 - rows: tori as rows, and back
 """
