@@ -45,7 +45,7 @@ def show_plan(
     parts += [f"stages of unknown length: {unknown}"] if unknown else []
     console.data(f"left: {'; '.join(parts) or 'nothing'}")
     if seconds:
-        console.message("times are measured on a few points now: within a factor of two or three")
+        console.message("times are estimated from a few points, within a factor of two or three")
     console.message(f"dry run: {'creates' if afresh else 'resumes'} {store}; nothing was computed")
 
 

@@ -64,8 +64,8 @@ class CalibrationTarget(Table):
 
     quantity: Literal["onset_speed", "critical_speed", "onset_slope"] = choice(
         "`onset_speed`: lowest speed at which the cycle (at displacement 0 the equilibrium) loses stability; "
-        "`critical_speed`: the one of `number`; `onset_slope`: d(onset speed)/d(excitation frequency), 0 at "
-        "the frequency of the highest onset speed",
+        "`critical_speed`: critical speed number `number`; `onset_slope`: d(onset speed)/d(excitation "
+        "frequency), 0 at the frequency of the highest onset speed",
         "onset_speed",
     )
     value: float | None = scalar("the target value, dimensionless", "1", None)

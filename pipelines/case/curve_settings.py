@@ -116,8 +116,8 @@ class BifurcationSet(Table):
         because="something must be followed",
     )
     boundaries: bool = table(
-        "whether only curves are followed that bound stable cycles where a branch or another curve meets "
-        "them; those of cycles that are unstable there are left out, even if they bound others elsewhere",
+        "whether to trace only curves that bound stable cycles where a branch or another curve meets them; "
+        "curves of cycles that are unstable there are skipped, even if they bound stable cycles elsewhere",
         False,
     )
     frequencies: int = quantity(
@@ -157,10 +157,10 @@ class BifurcationSet(Table):
         because="a tongue narrower than a step can be missed; arclength is dimensionless",
     )
     smallest_film: float = quantity(
-        "the branches along the speed begin at the lowest speed whose equilibrium leaves this film",
+        "branches along the speed begin at the lowest speed with at least this film thickness at equilibrium",
         "1",
         0.05,
         above=0,
         below=1,
-        because="below it the equilibrium is of no use",
+        because="with a thinner film the equilibrium is of no use",
     )
