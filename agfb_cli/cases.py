@@ -1,4 +1,4 @@
-"""From the name of a configuration file to its cases."""
+"""Read the cases of a configuration file."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 def load_cases(
     config: Path, assignments: Sequence[str] = (), stages: Collection[str] | None = None
 ) -> tuple[NamedCase, ...]:
-    """Every case of a configuration; raises UsageError for the file and CaseError for what it says, of the
-    stages' own checks by default those of all tables that are written down.
+    """Every case of a configuration.
+
+    Raises UsageError for the file and CaseError for its content; stages check by default all tables that
+    the file contains.
     """
     text = read_configuration(config)
     from pipelines.case.reading import read_cases
@@ -42,7 +44,7 @@ def select_cases(named_cases: Sequence[NamedCase], pattern: str | None) -> tuple
 
 
 def matching(names: Iterable[str], pattern: str | None) -> list[str]:
-    """The names that match the shell pattern, all without one; raises UsageError when none does."""
+    """The names that match the shell pattern, all without a pattern; raises UsageError when none does."""
     known = list(names)
     chosen = [name for name in known if pattern is None or fnmatchcase(name, pattern)]
     if known and not chosen:

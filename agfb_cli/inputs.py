@@ -1,4 +1,4 @@
-"""Reading what the user names: configuration files and stores."""
+"""Read what the user names: configuration files and stores."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _dangling(path: Path) -> str:
 
 
 def default_store(configuration: Path) -> Path:
-    """Where results go without `-o`: `build/NAME.zarr` in the working directory for `NAME.toml`."""
+    """Default of `-o`: `build/NAME.zarr` in the working directory for `NAME.toml`."""
     return Path("build") / f"{configuration.stem}.zarr"
 
 
@@ -84,6 +84,6 @@ def _configurations_in(directory: Path) -> str:
 
 
 def beside(store: Path, what: str) -> Path:
-    """Where the figures or the export of a store go without `-o`: `NAME-figures` beside `NAME.zarr`."""
+    """Default folder for the figures or the export of a store: `NAME-figures` beside `NAME.zarr`."""
     name = store.resolve().name.removesuffix(".zarr")
     return store.parent / f"{name}-{what}"

@@ -1,4 +1,4 @@
-"""The options that several commands share: declared once, so that they read the same everywhere."""
+"""Options that several commands share, declared once."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ CasePattern = Annotated[
 DryRun = Annotated[
     bool,
     typer.Option(
-        "--dry-run", help="Say what is there, what would be computed and how long it may take, and stop."
+        "--dry-run", help="Show what is stored, what would be computed and how long it may take, and stop."
     ),
 ]
 Force = Annotated[
@@ -80,7 +80,7 @@ Scheduler = Annotated[
     typer.Option(
         "--scheduler",
         metavar="WHERE",
-        help="sync: this process; local: --workers processes, by default one a core; tcp://HOST:PORT: the "
+        help="sync: this process; local: --workers processes, by default one per core; tcp://HOST:PORT: the "
         "workers of a Dask cluster, which see the store under the same path. Default: sync, or local with "
         "--workers.",
         autocompletion=completion.schedulers,

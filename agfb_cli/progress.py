@@ -1,4 +1,4 @@
-"""Progress of long computations: how far, how fast, how long still."""
+"""Progress of long computations: points done, rate and time left."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SECONDS_BETWEEN_FRAMES = 0.1
 
 @dataclass
 class _Track:
-    """One stage on one case: where its rate counts from, and what was told of it last."""
+    """One stage on one case: the start of its rate, and its last report."""
 
     started: float
     first_done: int
@@ -33,7 +33,7 @@ class _Track:
 
 
 class ProgressReporter:
-    """Shows every `Progress` it is given; reports of several cases may alternate.
+    """Shows every `Progress` that it receives; reports of several cases may alternate.
 
     On a terminal one line is overwritten; elsewhere (a log, CI) a line is written every few seconds for each
     case and at its end, so that a long run is alive but does not fill a disk. With `tasks`, the number of
@@ -82,7 +82,7 @@ class ProgressReporter:
         return "" if self._tasks is None else f"[{self._ended}/{self._tasks}] "
 
     def ended(self, stage: str, case_id: str) -> None:
-        """A stage has ended on a case: forget it, and clear the overwritten line for what follows."""
+        """End a stage on a case: drop its state and clear the overwritten line."""
         self._ended += 1
         self._tracks.pop((stage.replace("_", "-"), case_id), None)
         if self._console.animated and self._frame > -math.inf:
@@ -114,7 +114,7 @@ def duration(seconds: float) -> str:
 
 
 def in_words(seconds: float) -> str:
-    """A length of time in the unit that one would use."""
+    """A duration in a suitable unit."""
     for unit, size in (("years", 31_557_600.0), ("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"

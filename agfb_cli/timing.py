@@ -18,7 +18,7 @@ Results = Sequence[tuple[str, "StageResult"]]
 
 
 def seconds_spent(results: Results, elapsed: float) -> dict[str, Any]:
-    """Seconds that passed, and those that were computed by stage and by case (the more, the more workers)."""
+    """Seconds passed, and seconds computed by stage and by case (larger with several workers)."""
     stages, cases = _spent(results)
     return {"elapsed": elapsed, "stages": stages, "cases": cases}
 

@@ -36,16 +36,18 @@ if TYPE_CHECKING:
 HELP = """Fit machine parameters to measured or printed speeds.
 
 Changes the keys of calibrate.parameters within their ranges until onset speeds, critical speeds and slopes
-of the onset speed meet calibrate.targets: bounded least squares with numerical derivatives. Every machine
-that is computed is committed; an interrupted search goes on from its last one. Writes cases/CASE/calibration
-into the store and shows what was wanted and reached, the found values, how well the targets determine them,
-and the --set assignments that make the found machine. Exit code 3 when the search did not converge.
+of the onset speed meet calibrate.targets: bounded least squares with numerical derivatives. Every computed
+machine is committed; an interrupted search resumes from the last one. Writes cases/CASE/calibration into the
+store and shows target and reached values, the fitted values, how well the targets determine them, and the
+--set assignments of the fitted machine. Exit code 3 if the search did not converge.
 """
 
 Write = Annotated[
     Path | None,
     typer.Option(
-        "--write", metavar="FILE.toml", help="Write a copy of CONFIG with the found values, comments kept."
+        "--write",
+        metavar="FILE.toml",
+        help="Write a copy of CONFIG with the fitted values; comments are kept.",
     ),
 ]
 
@@ -84,9 +86,9 @@ def calibrate(
 def refuse(named_cases: Sequence[NamedCase], write: Path | None) -> None:
     """Raise UsageError for a copy that cannot be written."""
     if write is not None and len(named_cases) > 1:
-        raise UsageError("--write: one case at a time", "choose it with --case")
+        raise UsageError("--write: one case at a time", "choose the case with --case")
     if write is not None and write.exists():
-        raise UsageError(f"--write {write}: there is a file already", "name another, or remove it")
+        raise UsageError(f"--write {write}: this file exists already", "name another, or remove it")
 
 
 def conclude(outcome: Outcome, request: Request, write: Path | None, console: Console) -> None:
@@ -109,7 +111,7 @@ def conclude(outcome: Outcome, request: Request, write: Path | None, console: Co
 
 
 def show(found: Calibration, console: Console) -> None:
-    """Targets, parameters, open directions, assignments."""
+    """Show targets, parameters, undetermined directions and assignments."""
     rows = [
         (row.target, row.wanted, row.reached, row.difference, row.deviation,
          row.bifurcation.replace("_", " ").replace("unset", "-"), row.remark)

@@ -33,7 +33,7 @@ Folder = Annotated[
 ]
 Kind = Annotated[FileFormat, typer.Option("--format", help="Tables, netCDF 3 (needs xarray), or MATLAB.")]
 Full = Annotated[bool, typer.Option("--full", help="Also states, orbits and films, which are large.")]
-Overwrite = Annotated[bool, typer.Option("--force", help="Replace files that are there.")]
+Overwrite = Annotated[bool, typer.Option("--force", help="Replace existing files.")]
 
 
 def export(
@@ -50,8 +50,8 @@ def export(
 ) -> None:
     """Write a store as files for other programs.
 
-    Comma-separated tables (one per group and dimension, their columns explained in commented lines), netCDF
-    (one file per group) or MATLAB (one file per case). Every number keeps all its digits; units go along.
+    Comma-separated tables (one per group and dimension, with comment lines that explain the columns), netCDF
+    (one file per group) or MATLAB (one file per case). Numbers keep all digits; units are included.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):

@@ -23,9 +23,8 @@ def info(
 ) -> None:
     """Show what a store holds.
 
-    Its cases, and of each branch the points, the events, why it ended, and at how many points the error by
-    the time steps is unknown; also while a run is writing. With -v the advice stored with each branch is
-    shown too.
+    Lists its cases, and for each branch the points, the events, why it ended, and at how many points the
+    time-step error is unknown; also while a run is writing. With -v also the advice stored with each branch.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -42,7 +41,7 @@ def info(
 
 
 def add_step_errors(content: Mapping[str, Any]) -> None:
-    """Say of every group at how many of its points the error by the time steps is unknown."""
+    """Add to every group at how many of its points the time-step error is unknown."""
     from pipelines.datasets.store import open_for_reading
     from pipelines.stages.step_errors import count_in
 

@@ -1,4 +1,4 @@
-"""What the commands that compute have in common: from a configuration to results in a store."""
+"""Common part of the commands that compute: from a configuration to results in a store."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ def execute(stages: Stages, request: Request, console: Console, admit: Admit | N
 def foresee(
     stages: Sequence[str], named_cases: Sequence[NamedCase], request: Request, console: Console
 ) -> None:
-    """What `--dry-run` does instead: nothing is written."""
+    """Show the plan of `--dry-run`; nothing is written."""
     afresh = request.force or not request.store.exists()
     with console.announce_if_slow("measuring (the first run compiles kernels)", SECONDS_BEFORE_ANNOUNCEMENT):
         planned = make_plan(stages, named_cases, None if afresh else request.store)
@@ -185,7 +185,7 @@ def foresee(
 
 
 def refuse_other_store(request: Request, named_cases: Sequence[NamedCase]) -> None:
-    """Raise what the run itself would raise when the store that is there belongs to another configuration."""
+    """Raise what the run would raise if the existing store belongs to another configuration."""
     if request.force or not request.store.exists():
         return
     from pipelines.datasets.provenance import provenance
@@ -195,9 +195,9 @@ def refuse_other_store(request: Request, named_cases: Sequence[NamedCase]) -> No
 
 
 def show_interruption(outcome: Outcome, request: Request, console: Console) -> None:
-    """Say what there is and how to go on."""
+    """Say what is stored and how to resume."""
     resume = resume_command(sys.argv)
-    console.error(f"stopped; everything committed is in {request.store}. To go on:")
+    console.error(f"stopped; everything committed is in {request.store}. To resume:")
     console.error(f"  {resume}")
     if console.json:
         console.json_data({"store": str(request.store), "results": outcome.records(), "resume": resume})
@@ -210,7 +210,7 @@ def compute(
     console: Console,
     interruption: Interruption,
 ) -> Outcome:
-    """Run the stages on all cases: here one after the other, in a pool side by side."""
+    """Run the stages on all cases: one after the other here, side by side in a pool."""
     from pipelines.stages.scheduling import registry
     from pipelines.stages.scheduling.tasks import recorded, run_stages
 
@@ -276,8 +276,9 @@ def announce(stage: str, result: StageResult, console: Console) -> None:
 
 
 def show_outcome(outcome: Outcome, store: Path, files: Sequence[Path], console: Console) -> None:
-    """Close a finished run: figures, the JSON document if asked for, where the time of several cases went,
-    and how many cases failed.
+    """Close a finished run: draw figures and show how it ended.
+
+    The JSON document if requested, the time of several cases by stage, and how many cases failed.
     """
     if console.json:
         figures = [str(path) for path in files]

@@ -25,15 +25,17 @@ if TYPE_CHECKING:
 Watch = Annotated[
     float | None,
     typer.Option(
-        "--watch", metavar="SECONDS", min=0.1, help="Look again so often, until nothing is computed."
+        "--watch", metavar="SECONDS", min=0.1, help="Repeat at this interval until nothing is being computed."
     ),
 ]
 
 
 @dataclass(frozen=True)
 class Look:
-    """What there is at one moment: the commands that compute, progress by case, the groups of each, and every
-    stage that failed and has not succeeded since.
+    """The state of a store at one moment.
+
+    The commands that compute, progress by case, the groups of each case, and every stage that failed and has
+    not succeeded since.
     """
 
     commands: list[str]
@@ -44,7 +46,7 @@ class Look:
 
     @property
     def is_alive(self) -> bool:
-        """Whether anything computes."""
+        """Whether anything is being computed."""
         return bool(self.commands or self.total.running)
 
     def as_dict(self) -> dict[str, Any]:
@@ -67,13 +69,12 @@ def status(
     json: AsJson = False,
     traceback: Traceback = False,
 ) -> None:
-    """Show how far a run is, from another shell.
+    """Show the progress of a run from another shell.
 
-    Of each case, also of those that have not begun, and in total: what is being written, what was interrupted
-    and what has ended, how many points there are and how long ago the last one was committed; and every stage
-    that failed, with the reason, until it succeeds. A group that has ended is listed if some of its speeds
-    have no equilibrium, and with -v always, with the reason. Only metadata are read, and no lock is taken.
-    With --json and --watch each look is one line.
+    For each case and in total: which groups are running, interrupted or ended, how many points are stored,
+    and the age of the last one. Also every failed stage, with the reason, until it succeeds. An ended group
+    is listed only with -v, or with the reason if some of its speeds have no equilibrium. Only metadata are
+    read, and no lock is taken. With --json and --watch each report is one line.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -106,7 +107,7 @@ def look(path: Path, pattern: str | None) -> Look:
 
 
 def show(seen: Look, console: Console) -> None:
-    """A line for each case, one for the groups that ask for attention, or for all with -v, and the sums."""
+    """Show a line for each case and for groups that need attention (all with -v), and the sums."""
     if len(seen.cases) > 1:
         rows = [(name, case.state, case.ended, *_counts(case)) for name, case in seen.cases.items()]
         console.data(table(("case", "status", "groups ended", "points", "last commit"), rows) + "\n")
@@ -122,13 +123,11 @@ def show(seen: Look, console: Console) -> None:
     if seen.commands:
         console.data(f"computing: {', '.join(seen.commands)}")
     elif total.interrupted and not total.running:
-        console.message(
-            "the command that made the store goes on with what was interrupted (agfb info shows it)"
-        )
+        console.message("the command that made the store resumes interrupted groups (agfb info shows it)")
 
 
 def show_failures(failures: list[Failure], console: Console) -> None:
-    """A line for every stage that failed, and the advice that came with it."""
+    """Show a line for every failed stage, and its advice."""
     for failure in failures:
         name = f"{failure.stage.replace('_', '-')} {failure.case}"
         console.data(f"{name}: failed: {words(failure.reason)}")

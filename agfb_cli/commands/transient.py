@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
 HELP = """Time integration with unbalance, run-up and coast-down.
 
-Constant or changing speed, the unbalance of the table unbalance, excitation on, off or switched; from an
-equilibrium, a stored cycle or a checkpoint of an earlier run. Samples and full states are committed block by
-block; an interrupted run goes on from its last checkpoint. Writes cases/CASE/transient/t000 into the store
-and, when the run has ended, what it tells (envelopes, spectra, kind of motion) into transient_analysis/t000;
-other tables transient or unbalance make the next run, t001.
+Constant or changing speed, unbalance from the table unbalance, excitation on, off or switched. The initial
+condition is an equilibrium, a stored cycle or a checkpoint of an earlier run. Samples and full states are
+committed block by block; an interrupted run resumes from its last checkpoint. Writes
+cases/CASE/transient/t000 into the store and, when the run has ended, its analysis (envelopes, spectra, kind
+of motion) into transient_analysis/t000; changed tables transient or unbalance give the next run, t001.
 """
 
 LONGEST_UNASKED = 3600.0  # s

@@ -20,20 +20,20 @@ from pipelines.orbits.system import Matrix, Vector
 
 
 class CurveStop(Enum):
-    """Why a curve ended, with what to do about it."""
+    """Why a curve ended, with advice."""
 
-    RANGE = "the end of the range of a parameter is reached: widen the range to go on"
+    RANGE = "the end of the range of a parameter is reached: widen the range to continue"
     CLOSED = "the curve closed on its first point: nothing more to compute"
     RESONANCE_1 = "the multipliers meet at 1 (R1): follow the fold curve through this point"
     RESONANCE_2 = "the multipliers meet at -1 (R2): follow the period-doubling curve through this point"
-    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
+    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to continue"
     MINIMUM_STEP = (
         "the step fell below its minimum: lower minimum_step, tighten the grid, allow more iterations or use "
         "the bordered formulation"
     )
     LIMIT = "a limit set by the caller is reached"
     TRACED = "another curve was traced here before: nothing more to compute"
-    INTERRUPTED = "stopped on request after a complete point: start again to go on"
+    INTERRUPTED = "stopped on request after a complete point: run again to resume"
     START_FAILED = "the first point did not converge: start from a better located bifurcation"
 
     @property
@@ -95,8 +95,10 @@ class CurveOptions:
 
 @dataclass(frozen=True)
 class CurveStart:
-    """A guess for the first point: ``state`` (N,), the two parameters, the period when it is unknown and,
-    for a Neimark-Sacker point, the ``angle`` of its multipliers (default: of the pair nearest to the circle).
+    """A guess for the first point of a curve.
+
+    ``state`` (N,), the two parameters, the period when it is unknown and, for a Neimark-Sacker point,
+    the ``angle`` of its multipliers (default: of the pair nearest to the circle).
     """
 
     state: Vector
@@ -107,7 +109,7 @@ class CurveStart:
 
 @dataclass(frozen=True)
 class CurveState(ResumableState):
-    """Everything the next step depends on, as plain arrays and numbers.
+    """Everything that determines the next step, as plain arrays and numbers.
 
     A curve restarted from a copy of it continues with the same bits.  ``state``, the ``tangent_*``, the
     ``normal_*`` (the second tangent of the surface of cycles, across the curve), the ``gradient_*`` (row of
@@ -218,8 +220,10 @@ class CurvePoint:
         return max(0, len(self.residual_norms) - 1)
 
     def resonance(self, distance: float = DetectionOptions.resonance_distance) -> Resonance:
-        """The strong resonance within ``distance`` rad of a Neimark-Sacker point, where d does not decide
-        what is born: resonant terms of the same order join it (R4) or it has a pole (R1, R2, R3).
+        """The strong resonance within ``distance`` rad of a Neimark-Sacker point, if any.
+
+        There d does not decide what is born: resonant terms of the same order join it (R4) or it has
+        a pole (R1, R2, R3).
         """
         if self.kind is not EventKind.NEIMARK_SACKER:
             return Resonance.NONE

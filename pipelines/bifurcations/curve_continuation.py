@@ -78,7 +78,7 @@ def continue_curve(
     traced: Mapping[str, KnownCurve] | None = None,
     own: KnownCurve | None = None,
 ) -> CurveResult:
-    """Trace a bifurcation curve from a guess, or go on from a recorded state.
+    """Trace a bifurcation curve from a guess, or resume it from a recorded state.
 
     ``record(point, state, specials)`` is called once per accepted point, with the special points between the
     previous point and this one; ``state`` is all that is needed to restart after it.  ``limit(point)``
@@ -115,7 +115,7 @@ class _Step:
 
 
 class _Curve(Tracer[CurveState, _Step]):
-    """A bifurcation curve for the driver; it knows its points, to notice when it comes to itself."""
+    """A bifurcation curve as the driver sees it; it keeps its points to detect when it meets itself."""
 
     stops = CurveStop
 
@@ -132,7 +132,7 @@ class _Curve(Tracer[CurveState, _Step]):
         self._own = own
 
     def remember(self, state: CurveState) -> None:
-        """Add a recorded point to those that the curve may come to."""
+        """Add a recorded point to those that the curve may meet again."""
         self._own = KnownCurve.of([state]) if self._own is None else self._own.with_point(state)
 
     def open(self, start: CurveStart) -> tuple[CurvePoint, CurveState] | Rejected:
@@ -143,7 +143,7 @@ class _Curve(Tracer[CurveState, _Step]):
             return Rejected("a matrix of the first point is singular")
 
     def stop_reason(self, state: CurveState) -> CurveStop | None:
-        """Why nothing follows a state."""
+        """Why the curve ends at a state; None if it continues."""
         if returned(state, state.position, curve_metric(self.problem, self.options, state.start)):
             return CurveStop.CLOSED
         if state.index > 0 and (end := resonant_end(self.problem.kind, state.cos_theta)) is not None:
@@ -215,9 +215,10 @@ def _along(
     options: CurveOptions,
     same_sense: bool = False,
 ) -> str | None:
-    """The name of the traced curve that an accepted point and the one before it lie on: a single one may be
-    where two curves cross at a small angle.  A curve comes to itself in the ``same_sense``; the other side of
-    a narrow loop is no part of it.
+    """The name of the traced curve on which an accepted point and the point before it lie.
+
+    A single point may lie where two curves cross at a small angle.  A curve meets itself in the
+    ``same_sense``; the other side of a narrow loop is no part of it.
     """
     begin = _place(state.position, math.acos(min(1.0, max(-1.0, state.cos_theta))))
     places = (
@@ -246,8 +247,9 @@ def _predict_and_correct(
     steps: int,
     reference: PhaseReference | None,
 ) -> CurveSegment | Rejected:
-    """Predictor along the tangent and its bend, arclength corrector; past the end of a range that parameter
-    is fixed to it instead.
+    """Correct the second-order prediction on the arclength row.
+
+    Beyond the end of a range that parameter is fixed to the end instead.
     """
     across = metric.row(state.normal)
     row = metric.row(state.tangent)
@@ -318,7 +320,7 @@ def _segment(
 def _with_specials(
     segment: CurveSegment, state: CurveState, options: CurveOptions, accept_anyway: bool
 ) -> _Step | Rejected:
-    """Detect and locate the special points of a segment; it is cut where a Neimark-Sacker curve ends."""
+    """Detect and locate the special points of a segment, which is cut where a Neimark-Sacker curve ends."""
     specials: list[SpecialPoint] = []
     unlocated: list[SpecialKind] = []
     end, limit = segment.end, 1.0
@@ -374,7 +376,7 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
 def _passed_twice(
     points: SegmentPoints, state: CurveState, before: Vector, after: Vector, form: NormalFormOptions | None
 ) -> list[Bracket]:
-    """The brackets of special points passed twice, but for the ends of a Neimark-Sacker curve."""
+    """The brackets of special points passed twice, except the ends of a Neimark-Sacker curve."""
     if state.index == 0:
         return []
     length = state.arclength - state.previous_arclength

@@ -1,4 +1,4 @@
-"""Tables of the bifurcation curves: what to follow, in which plane, and how to search it."""
+"""Tables of the bifurcation curves: which curves to trace, in which plane, and how to search it."""
 
 from __future__ import annotations
 
@@ -52,10 +52,15 @@ class TrackCurves(Table):
         because="the store is laid out for them",
     )
     max_curves: int = quantity(
-        "most curves of each kind", "", 50, at_least=1, at_most=999, because="they are numbered c000 to c999"
+        "maximum number of curves of each kind",
+        "",
+        50,
+        at_least=1,
+        at_most=999,
+        because="they are numbered c000 to c999",
     )
     normal_forms: bool = table(
-        "whether sub- and supercritical are told apart by the normal form at every point", True
+        "whether every point gets its normal form, which separates sub- and supercritical", True
     )
 
     normal_form_widths: tuple[Number, ...] = table(
@@ -111,8 +116,8 @@ class BifurcationSet(Table):
         because="something must be followed",
     )
     boundaries: bool = table(
-        "whether only curves are followed that bound stable cycles where a branch or another curve meets "
-        "them; those of cycles that are unstable there are left out, even if they bound others elsewhere",
+        "whether to trace only curves that bound stable cycles where a branch or another curve meets them; "
+        "curves of cycles that are unstable there are skipped, even if they bound stable cycles elsewhere",
         False,
     )
     frequencies: int = quantity(
@@ -136,7 +141,7 @@ class BifurcationSet(Table):
         True,
     )
     max_rounds: int = quantity(
-        "most rounds of fresh branches; the search is complete when a round meets no new curve",
+        "maximum number of rounds of new branches; the search is complete when a round meets no new curve",
         "",
         4,
         at_least=1,
@@ -152,10 +157,10 @@ class BifurcationSet(Table):
         because="a tongue narrower than a step can be missed; arclength is dimensionless",
     )
     smallest_film: float = quantity(
-        "the branches along the speed begin at the lowest speed whose equilibrium leaves this film",
+        "branches along the speed begin at the lowest speed with at least this film thickness at equilibrium",
         "1",
         0.05,
         above=0,
         below=1,
-        because="below it the equilibrium is of no use",
+        because="with a thinner film the equilibrium is of no use",
     )

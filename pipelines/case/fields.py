@@ -110,7 +110,7 @@ def table(
 
 
 def extra_of(field: FieldInfo, name: str) -> str:
-    """The unit ("unit") or the reason of the bounds ("because") of a declared key, "" if it has none."""
+    """The unit ("unit") or the reason of the bounds ("because") of a declared key; "" if it has none."""
     extra = field.json_schema_extra
     return str(extra.get(name, "")) if isinstance(extra, dict) else ""
 
@@ -140,7 +140,7 @@ def model_of(annotation: Any) -> type[Table] | None:
 
 
 def holds_values(annotation: Any) -> bool:
-    """True where plain values may stand: not for tables, nor arrays of tables alone."""
+    """True where plain values may stand: not for tables or arrays of tables alone."""
     for kind in inner_types(annotation):
         parts = [part for part in get_args(kind) if part is not Ellipsis]
         if get_origin(kind) is tuple and any(map(holds_values, parts)):
@@ -201,7 +201,7 @@ def field_at(root: type[Table], path: Path) -> tuple[type[Table] | None, FieldIn
 
 
 def given(info: ValidationInfo, keys: tuple[str, ...]) -> list[str] | None:
-    """Those of `keys` that are set; None if one of them is itself invalid (then that is reported instead)."""
+    """Those of `keys` that are set; None if one of them is itself invalid (it is reported elsewhere)."""
     if any(key not in info.data for key in keys):
         return None
     return [key for key in keys if info.data[key] is not None and info.data[key] is not False]

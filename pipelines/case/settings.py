@@ -76,7 +76,7 @@ class Numerics(Table):
         "esdirk5",
     )
     multiplier_tolerance: float = quantity(
-        "error of the Floquet multipliers that the time steps of `esdirk5` may leave",
+        "largest error of the Floquet multipliers from the time steps of `esdirk5`",
         "1",
         1e-6,
         above=0,
@@ -100,7 +100,7 @@ class Numerics(Table):
         because="events are located far below it otherwise",
     )
     newton_iterations: int = quantity(
-        "most Newton iterations per point",
+        "maximum number of Newton iterations per point",
         "",
         12,
         at_least=1,
@@ -124,7 +124,7 @@ class Numerics(Table):
         because="a bracket is halved until it is this narrow",
     )
     max_columns: int = quantity(
-        "most columns of the slow subspace",
+        "maximum number of columns of the slow subspace",
         "",
         64,
         at_least=2,

@@ -1,4 +1,4 @@
-"""Table of the tori: from where quasi-periodic orbits are followed, and how."""
+"""Table of the tori: where branches of quasi-periodic orbits start and how they are continued."""
 
 from __future__ import annotations
 
@@ -89,17 +89,17 @@ class ContinueTori(Table):
         because="the store is laid out for them",
     )
     tolerance: float = quantity(
-        "what the Fourier series of an invariant curve may lack, largest state component",
+        "largest error of the Fourier series of an invariant curve, largest state component",
         "1",
         1e-6,
         above=0,
         at_most=1e-2,
-        because="the number of angles is chosen by it; the clipped film is not analytic, so that each "
-        "further digit is dearer than the one before",
+        because="it determines the number of angles; the clipped film is not analytic, so that each "
+        "further digit is more expensive",
     )
     max_angles: int = quantity(
-        f"most angles along an invariant curve, odd; they are raised from {FEWEST_ANGLES} as 2 M + 1 where "
-        "the tolerance asks for it",
+        f"maximum number of angles along an invariant curve, odd; raised from {FEWEST_ANGLES} as 2 M + 1 "
+        "where the tolerance requires it",
         "",
         127,
         at_least=FEWEST_ANGLES,
@@ -122,7 +122,7 @@ class ContinueTori(Table):
 def torus_inconsistencies(
     stage: ContinueTori, excitation: Excitation, formulation: str, unbalance: Unbalance | None
 ) -> Iterator[Inconsistency]:
-    """What makes tori of this case impossible; ``formulation``: that of its cycles."""
+    """Why tori of this case are impossible; ``formulation``: of its cycles."""
     if stage.origin == "unbalance" and unbalance is None:
         yield ("origin",), "needs the table [unbalance], which says where the rotor is out of balance"
     if excitation.frequency is None and excitation.frequency_hz is None:

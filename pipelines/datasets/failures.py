@@ -1,4 +1,4 @@
-"""Why a stage failed on a case: told by the case's attributes until that stage succeeds.
+"""Why a stage failed on a case: stored in the case's attributes until that stage succeeds.
 
 A process that was killed cannot say why, and messages on a terminal are gone. So the driver of a run, which
 hears of every end, writes it down: one atomic replace of the case's ``zarr.json``. A case without failures
@@ -27,19 +27,19 @@ class Failure:
 
 
 def read_failures(store: Store, case: str) -> list[Failure]:
-    """What the last run of each stage on a case failed for, sorted by stage; raises StoreError."""
+    """The reason of every stage that failed in its last run on a case, sorted by stage; raises StoreError."""
     told = read_group_metadata(store.path, f"cases/{case}", CASE).attributes.get(FAILURES, {})
     return [Failure(case, stage, **why) for stage, why in sorted(told.items())]
 
 
 def record_failure(store: Store, failure: Failure) -> None:
-    """Write down a failure, in place of an earlier one of the same stage. Raises StoreError, OSError."""
+    """Store a failure, replacing an earlier one of this stage. Raises StoreError, OSError."""
     why = {"reason": failure.reason, "advice": failure.advice}
     _replace(store, failure.case, failure.stage, why)
 
 
 def clear_failure(store: Store, case: str, stage: str) -> None:
-    """Forget the failure of a stage, which has succeeded, if there is one. Raises StoreError, OSError."""
+    """Remove the failure of a stage that has succeeded, if there is one. Raises StoreError, OSError."""
     _replace(store, case, stage, None)
 
 

@@ -1,4 +1,4 @@
-"""Reading stores into plain arrays, and telling what they hold."""
+"""Read stores into plain arrays, and describe what they hold."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _members(store: Store, group: str) -> list[str]:
 
 
 def read_group(store: Store, group: str, names: Sequence[str] | None = None) -> Group:
-    """A group as plain arrays, rows and events trimmed to those committed; ``names`` restricts the arrays.
+    """A group as plain arrays, with committed rows and events only; ``names`` restricts the arrays.
 
     Works while the group is being written: it sees the rows committed when it began. Arrays of slots belong
     to the newest row only and are read when named. Raises CorruptedError naming the file, ForeignStoreError,
@@ -81,7 +81,7 @@ def read_group(store: Store, group: str, names: Sequence[str] | None = None) -> 
 
 
 def metadata_stamp(store: Store, group: str) -> tuple[int, ...] | None:
-    """Tells commits apart, each of which replaces the group's ``zarr.json``; None where there is none."""
+    """Distinguishes commits, each of which replaces the group's ``zarr.json``; None without one."""
     try:
         status = (group_folder(store.path, group) / METADATA).stat()
     except FileNotFoundError:
@@ -115,8 +115,10 @@ def _read(store: Store, group: str, metadata: GroupMetadata, array: ArrayLayout)
 
 
 def describe(store: Store | Path | str) -> dict[str, Any]:
-    """What a store holds, as plain data: root attributes, and for each case its groups with their status and
-    the ``reason`` and ``advice`` of every stage that failed (see `pipelines.datasets.failures`).
+    """The content of a store as plain data.
+
+    Root attributes, and for each case its groups with their status and the ``reason`` and ``advice`` of
+    every stage that failed (see `pipelines.datasets.failures`).
 
     Only metadata are read. A group has ``kind``, ``status``, ``stop_reason``, ``stop_advice``, ``n_points``,
     ``capacity``, ``n_events`` and ``speeds_without_equilibrium`` (None where it has no such thing), and that

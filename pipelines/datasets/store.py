@@ -1,4 +1,4 @@
-"""A store: making it, and opening it for writing or reading.
+"""A store: create it, or open it for writing or reading.
 
 <store>                     root: resolved configuration, its hash, versions, git commit, argv
 <store>/cases/<id>          one case: name, parameters, scales
@@ -62,7 +62,7 @@ class Store:
     durable: bool = True
 
     def has_group(self, group: str) -> bool:
-        """Whether the group exists; a group whose making was interrupted does not."""
+        """Whether the group exists; a group whose creation was interrupted does not."""
         return (group_folder(self.path, group) / METADATA).is_file()
 
 
@@ -73,7 +73,7 @@ def create_store(
     *,
     durable: bool = True,
 ) -> Store:
-    """Make a store with one group per case, all at once or not at all, and open it for writing.
+    """Create a store with one group per case, atomically, and open it for writing.
 
     ``cases`` maps case ids to the attributes of their groups, ``provenance`` holds the attributes of the root
     (see `pipelines.datasets.provenance`). Raises StoreError when the path is taken, OSError when it cannot be
@@ -172,7 +172,7 @@ def _refuse_other_configuration(store: Store, provenance: Mapping[str, Any]) -> 
 
 
 def ensure_container(store: Store, group: str) -> None:
-    """Make the groups between the case and ``group`` (cycles, pd, ns), once, whichever writer comes first.
+    """Create the groups between the case and ``group`` (cycles, pd, ns) once, whichever writer comes first.
 
     The case itself is made with the store and never here, where its attributes are not known. Raises
     CorruptedError when it is missing, and ValueError for a store that was opened for reading.

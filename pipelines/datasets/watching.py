@@ -1,4 +1,4 @@
-"""What is going on in a store, seen from another process: reads metadata only and takes no lock.
+"""Activity in a store, seen from another process: reads metadata only and takes no lock.
 
 A group that has not ended is being written if a process still holds its lock.  Trying the lock would
 disturb a writer that opens at the same moment, so the process named in the lock file is looked for instead;
@@ -29,9 +29,11 @@ _COMMANDS = "command/"
 
 @dataclass(frozen=True)
 class GroupState:
-    """A group of a case: ``state`` is ``running``, ``interrupted`` or ``ended``; ``points`` of at most
-    ``capacity`` rows, None of a group without rows; ``age`` [s] of its newest commit; ``writer``: who writes
-    it, ``PID on HOST``; ``speeds_without_equilibrium``: those of its speeds that have none, with the reason.
+    """The state of a group of a case.
+
+    ``state`` is ``running``, ``interrupted`` or ``ended``; ``points`` of at most ``capacity`` rows, None
+    for a group without rows; ``age`` [s] of its newest commit; ``writer``: the process that writes it,
+    ``PID on HOST``; ``speeds_without_equilibrium``: its speeds that have none, with the reason.
     """
 
     case: str
@@ -47,9 +49,11 @@ class GroupState:
 
 @dataclass(frozen=True)
 class Progress:
-    """What there is of a case or of several: the number of groups by state, and of their rows ``points`` of
-    at most ``capacity``; ``state`` is ``running`` or ``interrupted`` if a group is, else ``ended``, and
-    ``not begun`` without any group; ``age`` [s] of the newest commit, None without any.
+    """Progress of one or several cases.
+
+    The number of groups by state, and ``points`` of at most ``capacity`` of their rows; ``state`` is
+    ``running`` or ``interrupted`` if a group is, else ``ended``, and ``not begun`` without any group;
+    ``age`` [s] of the newest commit, None without any.
     """
 
     state: str
@@ -102,7 +106,7 @@ def _states(path: Path, moment: float) -> list[GroupState]:
 
 
 def progress(states: Sequence[GroupState]) -> Progress:
-    """The sum of some groups, for instance those of a case."""
+    """The sum over some groups, for instance those of a case."""
     found = [state.state for state in states]
     begun = next((name for name in (RUNNING, INTERRUPTED, ENDED) if name in found), NOT_BEGUN)
     return Progress(
@@ -121,9 +125,10 @@ def _sum(counts: Iterable[int | None]) -> int:
 
 
 def command_lock(path: Path) -> GroupLock:
-    """What a command that computes holds as long as it does, so that others see it where no group is being
-    written. Any number of commands may hold one; those that killed commands left are removed. Raises OSError
-    when the lock file cannot be made.
+    """A lock held while a command computes, so that others see it between the writing of groups.
+
+    Any number of commands may hold one; locks left by killed commands are removed. Raises OSError when
+    the lock file cannot be made.
     """
     store = path.expanduser().resolve()
     lock = GroupLock(store, f"{_COMMANDS}{socket.gethostname()}-{os.getpid()}", wait=True)
@@ -142,7 +147,7 @@ def commands(path: Path) -> list[str]:
 
 
 def _writer(store: Path, group: str) -> str | None:
-    """The process that holds the lock of a group, None when it is gone."""
+    """The process that holds the lock of a group; None if it has ended."""
     try:
         words = GroupLock.file(store, group).read_text().split()
     except FileNotFoundError:  # released meanwhile

@@ -1,4 +1,4 @@
-"""All figures of a store: which there are, what each of them needs, and where their files go.
+"""All figures of a store: which exist, what each needs, and where their files go.
 
 Of the branches of cycles those of `continue-cycles` (``b000``, ...) and their period-doubled ones (``d000``,
 ...) are drawn. The lines that searched the plane (``s000``, ...) are not: there are dozens, and what they
@@ -80,8 +80,10 @@ def draw_figures(
     kinds: Collection[str] | None = None,
     report: Report | None = None,
 ) -> list[Path]:
-    """Draw the figures of a store and give the files written, ``<output_folder>/<case>/<figure>.<format>``;
-    those of several cases together are ``<output_folder>/<figure>.<format>``.
+    """Draw the figures of a store and return the files written.
+
+    ``<output_folder>/<case>/<figure>.<format>``; those of several cases together are
+    ``<output_folder>/<figure>.<format>``.
 
     ``cases`` is a glob over case ids; ``kinds`` chooses among ``ALL_KINDS`` (all when None). A figure
     whose data are not in the store is left out, and ``report`` is told why if it was chosen: once for each
@@ -114,7 +116,7 @@ def draw_one_figure(
     kinds: Collection[str] | None = None,
     report: Report | None = None,
 ) -> Path:
-    """Draw the only figure that the cases and kinds leave into a file, whose suffix is the format.
+    """Draw the only figure that cases and kinds select into a file, whose suffix is the format.
 
     Raises ValueError where they leave none or several; else as `draw_figures`.
     """
@@ -136,7 +138,7 @@ def draw_one_figure(
 
 
 def _say_nothing(message: str) -> None:
-    """A report that nobody reads."""
+    """Ignore a report."""
 
 
 def _refuse_unknown(what: str, given: Collection[str], allowed: Sequence[str]) -> None:
@@ -151,7 +153,7 @@ def _planned(
     tell: Report,
     damaged: list[StoreError],
 ) -> Iterator[tuple[Path, Plan]]:
-    """Every figure with the stem of its file below the folder: case by case, then those of several cases."""
+    """Every figure with the stem of its file below the folder: case by case, then of several cases."""
     _refuse_unknown("figure", kinds or (), ALL_KINDS)
     opened = store if isinstance(store, Store) else open_for_reading(store)
     known = list_cases(opened)
@@ -176,8 +178,9 @@ def _planned(
 def _plans(
     store: Store, case: str, kinds: Collection[str], tell: Report, damaged: list[StoreError], *, asked: bool
 ) -> list[Plan]:
-    """The figures of a case, in the order of ``FIGURE_KINDS``; tells which groups are not there, if ``asked``
-    for, and collects the errors of those that cannot be read.
+    """The figures of a case, in the order of ``FIGURE_KINDS``.
+
+    Reports which groups are missing, if ``asked`` for, and collects the errors of unreadable groups.
     """
     own = [kind for kind in FIGURE_KINDS if kind in kinds]
     needed = {FIGURE_KINDS[kind] for kind in own}.union(*(BESIDE.get(kind, ()) for kind in own))
@@ -202,7 +205,7 @@ def _plans(
 
 
 def _tell_missing(case: str, kinds: Collection[str], held: Collection[str], tell: Report) -> None:
-    """Say once for every kind of group that is not there which figures it costs."""
+    """Report once for every missing kind of group which figures need it."""
     missing: dict[str, list[str]] = {}
     for kind, group in FIGURE_KINDS.items():
         if kind in kinds and group not in held:
@@ -213,7 +216,7 @@ def _tell_missing(case: str, kinds: Collection[str], held: Collection[str], tell
 
 
 def _single_plans(view: CaseView, kind: str, table: Table) -> list[Plan]:
-    """Figures of a group that a case has once."""
+    """Figures of a group that a case has at most once."""
     if kind == "machine":
         return [Plan("machine", "machine", partial(draw_machine, view))]
     if kind == "criticals":
@@ -241,7 +244,7 @@ def _bifurcation_plans(view: CaseView, branches: Mapping[str, Table], refinement
 
 
 def _branch_plans(view: CaseView, branches: Mapping[str, Table]) -> list[Plan]:
-    """Figures of every single branch."""
+    """Figures of each single branch."""
     plans = []
     for name, branch in branches.items():
         parameter = str(branch.attributes["parameter"])
@@ -297,7 +300,7 @@ def _map_plans(case: CaseTables) -> list[Plan]:
 
 
 def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table]) -> list[Plan]:
-    """Figures of every run in time, and one of all of them."""
+    """Figures of every transient, and one figure of all of them."""
     kinds = {
         "waterfall": draw_waterfall,
         "spectrum": draw_spectrum,

@@ -29,7 +29,7 @@ KINDS = (
 
 @style.in_style
 def draw_multipliers(case: CaseView, parameter: str, branch: Table, name: str) -> Figure:
-    """Multipliers in the complex plane, near the circle unrolled, and their moduli against the parameter."""
+    """Multipliers in the complex plane and near the unrolled circle; moduli against the parameter."""
     multipliers = np.asarray(branch["multipliers"])
     along = np.asarray(branch[parameter], dtype=float)
     norm = Normalize(*limits(along, 0.0))

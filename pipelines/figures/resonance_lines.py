@@ -44,7 +44,7 @@ def resonances_of(criticals: Table, low: float, high: float) -> list[Resonance]:
 
 
 def formula(kind: str, j: int, k: int, order: int) -> str:
-    """How a resonance is written: 2 Omega_j / n, (Omega_j + Omega_k) / n, |Omega_j - Omega_k| / n."""
+    """Formula of a resonance: 2 Omega_j / n, (Omega_j + Omega_k) / n or |Omega_j - Omega_k| / n."""
     first, second = rf"\bar{{\Omega}}_{{{j}}}", rf"\bar{{\Omega}}_{{{k}}}"
     if kind == "principal":
         return f"${first}$" if order == 2 else f"$2{first}$" + ("" if order == 1 else f"/{order}")
@@ -55,7 +55,7 @@ def formula(kind: str, j: int, k: int, order: int) -> str:
 
 
 def draw_resonances(axes: Axes, criticals: Table) -> Axes | None:
-    """Vertical lines with their formulas in a strip above the axes, which is returned; None without any."""
+    """Vertical lines with formulas in a strip above the axes, which is returned; None without any."""
     low, high = axes.get_xlim()
     found = resonances_of(criticals, low, high)
     if not found:
@@ -97,7 +97,7 @@ FREQUENCY_LOOK: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "alpha":
 
 
 def _weakly_damped(criticals: Table, frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Modes that oscillate; all of them where damping ratios are not stored."""
+    """Oscillating modes with weak damping; all of them where damping ratios are not stored."""
     oscillating = frequency > 0.0
     if "damping_ratio" not in criticals:
         return oscillating
@@ -105,7 +105,7 @@ def _weakly_damped(criticals: Table, frequency: NDArray[np.float64]) -> NDArray[
 
 
 def resonance_handles(lines: bool, frequencies: bool) -> list[Line2D]:
-    """Entries of the legend."""
+    """Legend entries."""
     handles = []
     if lines:
         handles.append(Line2D([], [], color=LINE_COLOUR, linewidth=0.9, label="predicted resonances"))

@@ -1,4 +1,4 @@
-"""Figures that show several cases together: which cases go into one, and what tells them apart."""
+"""Figures of several cases together: which cases share a figure, and what distinguishes them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_ENVELOPES = 4  # below each other on a page
 
 
 def joint_plans(cases: Sequence[CaseTables], kinds: Collection[str], tell: Report) -> Iterator[Plan]:
-    """The figures of several cases; ``tell`` is given the reason where one of ``kinds`` cannot be drawn."""
+    """The figures of several cases; ``tell`` receives the reason if one of ``kinds`` cannot be drawn."""
     ordered = sorted(cases, key=lambda case: [case.view.parameters.get(name) or 0.0 for name in ORDER])
     if "sets" in kinds:
         yield from _set_plans(ordered, tell)
@@ -56,7 +56,7 @@ def _curves_over(case: CaseTables, plane: frozenset[str]) -> dict[str, Table]:
 
 
 def _envelope_plans(cases: Sequence[CaseTables], tell: Report) -> Iterator[Plan]:
-    """The first run over the speed of every case, with its cycles."""
+    """The first transient over the speed of every case, with its cycles."""
     held = [(case, run) for case in cases for run in [run for run in case.runs if run.over_speed][:1]]
     if not _fits("envelopes", "a run over the speed that has ended", len(held), MOST_ENVELOPES, tell):
         return
@@ -70,7 +70,7 @@ def _envelope_plans(cases: Sequence[CaseTables], tell: Report) -> Iterator[Plan]
 
 
 def _fits(figure: str, what: str, count: int, most: int, tell: Report) -> bool:
-    """Whether so many cases make the figure; else why not is told."""
+    """Whether so many cases make the figure; otherwise the reason is reported."""
     if count < 2:
         tell(
             f"{figure} is left out: it needs two cases with {what}; of the chosen ones {count or 'none'} has"
@@ -81,7 +81,7 @@ def _fits(figure: str, what: str, count: int, most: int, tell: Report) -> bool:
 
 
 def told_apart(cases: Sequence[CaseView], axes: Collection[str]) -> tuple[list[str], str]:
-    """What every case differs in from the others, and for a title what all of them share.
+    """What distinguishes every case from the others, and for a title what all cases share.
 
     Parameters that are on the axes count for neither. Cases that differ in other keys are told apart by the
     parts of their names.

@@ -22,7 +22,7 @@ from pipelines.stages.results import Progress, Report, ShouldStop
 
 @dataclass(frozen=True)
 class Job:
-    """One stage on one case. `stage` is the name of the command that progress is told under."""
+    """One stage on one case; `stage` is the command named in progress reports."""
 
     stage: str
     case: NamedCase
@@ -38,7 +38,7 @@ class Job:
     def of(
         cls, stage: str, case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
     ) -> Job:
-        """The job of a stage's arguments."""
+        """The job from the arguments of a stage."""
         store = open_for_writing(store_path)
         return cls(stage, case, build_machine(case.case), store, report, should_stop)
 
@@ -51,7 +51,7 @@ class Job:
         return f"cases/{self.case.case_id}/{group}"
 
     def read(self, group: str, names: Sequence[str] | None = None) -> Group:
-        """One of the case's groups, read again when something was committed to it since."""
+        """One of the case's groups, read again if something was committed to it since."""
         key = group, None if names is None else tuple(names)
         stamp = metadata_stamp(self.store, self.path(group))
         known = self._read.get(key)
@@ -73,12 +73,12 @@ class Origin:
     event: int
 
     def as_dict(self) -> dict[str, str | int]:
-        """The origin as an attribute."""
+        """The origin as a group attribute."""
         return {"group": self.group, "event": self.event}
 
     @classmethod
     def of(cls, attributes: Mapping[str, object]) -> Origin | None:
-        """The origin among the attributes of a group; None when it has none."""
+        """The origin from the attributes of a group; None without one."""
         stored = attributes.get("origin")
         return cls(str(stored["group"]), int(stored["event"])) if isinstance(stored, dict) else None
 

@@ -1,6 +1,4 @@
-"""Points whose error by the time steps is unknown: how many, and what a stage, a list or a report tells of
-them.
-"""
+"""Points whose time-step error is unknown: their number, and its wording in stages, lists and reports."""
 
 from __future__ import annotations
 
@@ -26,13 +24,13 @@ Count = tuple[int, int]
 
 
 def count(groups: Iterable[Group]) -> Count:
-    """Those of some branches and curves."""
+    """Number of such points of some branches and curves."""
     missing = [np.isnan(group[STEP_ERROR]) for group in groups]
     return sum(int(each.sum()) for each in missing), sum(each.size for each in missing)
 
 
 def count_in(store: Store, groups: Iterable[str]) -> Count:
-    """Those of some of a store's groups, by full name; other groups than branches and curves count nothing.
+    """Number of such points in some of a store's groups, by full name; only branches and curves count.
 
     Raises StoreError for one that cannot be read.
     """
@@ -41,10 +39,10 @@ def count_in(store: Store, groups: Iterable[str]) -> Count:
 
 
 def told(found: Count) -> str:
-    """``for 3 of 20 points``; empty where the errors of all are known."""
+    """``for 3 of 20 points``; empty if all errors are known."""
     return "for {} of {} points".format(*found) if found[0] else ""
 
 
 def caution(found: Count) -> str:
-    """The same as a sentence with reason and advice."""
+    """The number of such points as a sentence with reason and advice."""
     return f"{NAME} {told(found)}: {ADVICE}" if found[0] else ""

@@ -119,7 +119,7 @@ def test_a_stopped_campaign_goes_on(tmp_path: Path, alone: Path, number: int, co
     process = start(tmp_path, PAIR, 2)
     os.kill(process.pid, number)
     assert forked.finish(process) == code, forked.messages(tmp_path)
-    assert "To go on" in forked.messages(tmp_path)
+    assert "To resume" in forked.messages(tmp_path)
     assert "Traceback" not in forked.messages(tmp_path)
     assert sum(points(tmp_path)) < 5 * len(CASES), "it stopped before the end"
     finish(tmp_path)
@@ -290,7 +290,7 @@ def test_the_first_signal_ends_what_waits_for_a_scheduler(tmp_path: Path, number
         os.kill(process.pid, number)
         assert forked.finish(process) == code, forked.messages(tmp_path)
         assert time.monotonic() - begin < campaign._CONNECTION_TIMEOUT - 3.0
-    assert "To go on" in forked.messages(tmp_path)
+    assert "To resume" in forked.messages(tmp_path)
 
 
 @contextmanager

@@ -162,7 +162,7 @@ def test_kinds_that_are_not_asked_for_are_not_followed(tmp_path: Path) -> None:
     assert not (tmp_path / "a.zarr/cases/smoke/ns").exists()
     found = read_group(open_for_reading(tmp_path / "a.zarr"), "cases/smoke/bifurcation_set")
     assert found.attributes["kinds"] == ["period_doubling"]
-    assert any("folds were not followed" in told for told in set_cautions(found.attributes))
+    assert any("folds were not traced" in told for told in set_cautions(found.attributes))
 
 
 def test_an_incomplete_search_says_so() -> None:

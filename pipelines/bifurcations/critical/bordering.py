@@ -1,4 +1,4 @@
-"""Bordering vectors of the test function: how they start, and how they follow a curve."""
+"""Bordering vectors of the test function: their start, and their update along a curve."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pipelines.orbits.system import Matrix
 
 
 def next_bordering(basis: Matrix, critical: Critical) -> BorderingVectors:
-    """The bordering vectors for the next point."""
+    """The bordering vectors for the next point of a curve."""
     if critical.right.shape[1] == 2:
         plane = orthonormal(critical.right)
         return BorderingVectors(plane[:, 0].copy(), plane[:, 1].copy(), cos_theta=critical.cos_theta)
@@ -40,7 +40,7 @@ def next_bordering(basis: Matrix, critical: Critical) -> BorderingVectors:
 
 
 def vectors_of(bordering: BorderingVectors, kind: EventKind) -> Vectors:
-    """The critical vectors of the last point, as a first guess for those of the next."""
+    """The critical vectors of the last point, as first guess at the next point."""
     if kind is EventKind.NEIMARK_SACKER:
         return Vectors(np.column_stack([bordering.right, bordering.left]))
     return Vectors(bordering.right[:, None].copy(), bordering.right_period)

@@ -1,4 +1,4 @@
-"""The corrector of a bifurcation curve: the cycle, its criticality and the closing row together.
+"""The corrector of a bifurcation curve: cycle, criticality and closing row are solved together.
 
 It moves on the surface of cycles of ``pipelines.bifurcations.critical.cycle_manifold``: a step is the Newton
 correction towards the surface plus beta times the tangent ``across`` that leaves the closing row alone,
@@ -71,7 +71,7 @@ def correct_critical(
 def with_converged_multipliers(
     found: CriticalCycle, bordering: BorderingVectors, tolerance: float
 ) -> CriticalCycle:
-    """The same point after as many subspace iterations as its multipliers and left vectors need.
+    """The point after as many subspace iterations as its multipliers and left vectors need.
 
     ``tolerance``: residual asked of every multiplier above ``checked_modulus``, with at most
     ``multiplier_sweeps`` passes; the point itself does not depend on the basis.
@@ -149,7 +149,7 @@ def _measured(
     step: ManifoldStep,
     metric: PlaneMetric,
 ) -> Position:
-    """The gradient row made exact along both parts of the step, for the price of two pairs of passes."""
+    """The gradient row made exact along both parts of the step, at the cost of two pairs of passes."""
     across = metric.unit(step.across)
     rest = step.correction.plus(across, -metric.inner(across, step.correction))
     size = metric.norm(rest)

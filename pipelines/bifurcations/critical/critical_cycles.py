@@ -1,4 +1,4 @@
-"""What makes a cycle critical: its test function, the vectors that carry it and their derivatives.
+"""Criticality of a cycle: its test function, the critical vectors and their derivatives.
 
 The critical vectors R (N, m), M R = R A, travel with the slow basis V through every pass, because V is
 invariant only to the accuracy of its last update.  Derivatives of a test function act from the left with
@@ -31,7 +31,7 @@ _LEFT_TOLERANCE = 1e-5  # of the derivatives of a test function: they only steer
 
 @dataclass(frozen=True)
 class BorderingVectors:
-    """What the test function inherits from the last point of a curve.
+    """What the test function takes over from the last point of a curve.
 
     ``right``, ``left`` (N,): unit null vectors, the bordering of the next point, with the parts
     ``right_period`` and ``left_phase`` of a cycle of unknown period; a Neimark-Sacker curve keeps an
@@ -72,8 +72,9 @@ class Critical:
 
 @dataclass(frozen=True)
 class Vectors:
-    """Critical vectors that travel with the basis: ``columns`` (N, m) and, for a fold of unknown period, the
-    ``period`` part.
+    """Critical vectors that are updated with the basis.
+
+    ``columns`` (N, m) and, for a fold of unknown period, the ``period`` part.
     """
 
     columns: Matrix
@@ -107,9 +108,7 @@ def critical_pass(
 def swept_pass(
     at: MapAt, basis: Matrix, vectors: Vectors, image: PeriodImage, warm: ManifoldLinearisation | None = None
 ) -> CriticalPass:
-    """The sweeps that belong to a full pass with the columns [basis, vectors]; ``warm`` as in
-    ``linearise``.
-    """
+    """The Picard sweeps for a full pass with the columns [basis, vectors]; ``warm`` as in ``linearise``."""
     kind, columns = at.problem.kind, basis.shape[1]
     mapped = image.columns[:, columns:]
     phase = image.phase_columns[columns:]
@@ -142,7 +141,7 @@ def with_period(at: MapAt) -> bool:
 
 
 def basis_error(passed: CriticalPass, vectors: Matrix) -> float:
-    """The correction of the vectors is wrong by what V is not invariant and what the last sweep left."""
+    """The error of the vectors because V is not invariant and the last sweep left a remainder."""
     linear = passed.linear
     slow = linear.basis.T @ vectors
     leak = np.linalg.norm(project_out(linear.basis, linear.image.columns @ slow)) / np.linalg.norm(slow)
@@ -161,8 +160,9 @@ class CriticalDerivatives:
 def critical_derivatives(
     linear: ManifoldLinearisation, critical: Critical, directions: tuple[Position, ...], metric: PlaneMetric
 ) -> CriticalDerivatives:
-    """dg and d tr A along each direction, from one pair of passes with the m critical columns per
-    direction.
+    """dg and d tr A along each direction.
+
+    From one pair of passes with the m critical columns per direction.
     """
     count = critical.right.shape[1]
     weights = None
@@ -197,7 +197,7 @@ def left_products(
 
 
 def with_sharp_left(linear: ManifoldLinearisation, critical: Critical, tolerance: float) -> Critical:
-    """The same with left vectors that do not suffer from what V lacks to be invariant.
+    """The criticality with left vectors that do not inherit the error of the basis V.
 
     With R = Q M V, eliminating the part of L outside V from L'M = A L' leaves for Y = L'V, of shape (m, k),
 

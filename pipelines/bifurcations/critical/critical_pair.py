@@ -1,4 +1,4 @@
-"""The critical pair of a Neimark-Sacker curve: an invariant plane that follows from the last one.
+"""The critical pair of a Neimark-Sacker curve: an invariant plane updated from point to point.
 
     M W = W A,    A (2, 2),    g = det A - 1 = mu_1 mu_2 - 1,    dg = tr(adj(A) L' dM W),    L'W = I
 
@@ -29,7 +29,7 @@ _PAIR_TOLERANCE = 1e-12  # of the last change
 
 
 def invariant_pair(passed: CriticalPass, bordering: BorderingVectors) -> Critical | None:
-    """The test function of a Neimark-Sacker point; None when the pair cannot be told from the others."""
+    """The test function of a Neimark-Sacker point; None if the pair cannot be separated from the others."""
     basis = passed.linear.basis
     solved = _pair_in_basis(passed, np.column_stack([bordering.right, bordering.left]))
     if solved is None:
@@ -59,8 +59,9 @@ def invariant_pair(passed: CriticalPass, bordering: BorderingVectors) -> Critica
 
 
 def _pair_in_basis(passed: CriticalPass, fixed: Matrix) -> tuple[Matrix, Matrix] | None:
-    """W and A by Newton on a and A with the Picard part as it is: M W is known for every W = W_old + V a + q,
-    so that the iterations cost no passes.
+    """W and A by Newton's method on a and A, with the Picard part fixed.
+
+    M W is known for every W = W_old + V a + q, so that the iterations cost no passes.
     """
     basis, picard = passed.linear.basis, passed.picard
     columns = basis.shape[1]

@@ -1,4 +1,4 @@
-"""Cycles over a plane of two parameters: the surface on which the bifurcation curves are drawn.
+"""Cycles over a plane of two parameters: the surface on which the bifurcation curves lie.
 
 The cycles near a point form a surface in the space of (s, T, lambda_1, lambda_2),
 
@@ -92,7 +92,7 @@ class ManifoldLinearisation:
 
     @property
     def residual(self) -> float:
-        """Of the cycle, as in ``PeriodMap.residual``."""
+        """Residual of the cycle, as in ``PeriodMap.residual``."""
         return self.at.problem.period_map.residual(self.at.position.state, self.image)
 
     @property
@@ -102,12 +102,12 @@ class ManifoldLinearisation:
 
     @property
     def period_unit(self) -> float:
-        """As the function."""
+        """The function `period_unit` for this position."""
         return period_unit(self.at, self.image)
 
 
 def period_unit(at: MapAt, image: PeriodImage) -> float:
-    """The change of the period that counts like one of the state where one vector holds both."""
+    """The change of the period that counts like a change of the state by one in a common vector."""
     return at.position.period / (2.0 * math.pi * at.problem.period_map.scale(image.orbit))
 
 
@@ -119,8 +119,9 @@ def linearise(
     inverse: Matrix,
     warm: ManifoldLinearisation | None = None,
 ) -> tuple[ManifoldLinearisation, PicardColumns]:
-    """The Picard parts that belong to a full pass, and in the same sweeps those of a ``defect`` (N, m) of
-    critical vectors: q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
+    """The Picard parts for a full pass and for a ``defect`` (N, m) of critical vectors, in common sweeps.
+
+    The defect's part solves q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
 
     ``warm``: the last linearisation, whose q_j are first guesses.  The Picard iteration of the residual
     and of the defect ends earlier than that of the derivatives: the next correction takes what is left.
@@ -170,8 +171,9 @@ def position_of(linear: ManifoldLinearisation, solution: Vector, with_residual: 
 
 @dataclass(frozen=True)
 class ManifoldStep:
-    """The Newton correction towards the surface and its tangents with row_i . tangent_j = 1 for i = j, else
-    0.
+    """The Newton correction towards the surface, and its tangents.
+
+    row_i . tangent_j = 1 for i = j, else 0.
     """
 
     correction: Position
@@ -182,9 +184,7 @@ class ManifoldStep:
 def manifold_step(
     linear: ManifoldLinearisation, rows: tuple[Position, Position], gaps: tuple[float, float]
 ) -> ManifoldStep | None:
-    """Solve the system drawn at the head of this module for its three right sides; None when it is
-    singular.
-    """
+    """Solve the system in this module's docstring for its three right sides; None if it is singular."""
     matrix, right = manifold_rows(linear)
     basis, picard = linear.basis, linear.picard.columns
     given = len(right)
@@ -211,7 +211,7 @@ def manifold_step(
 
 
 def manifold_tangents(linear: ManifoldLinearisation, metric: PlaneMetric) -> tuple[Position, Position]:
-    """Two orthonormal tangents of the surface without any closing row: the null space of its rows."""
+    """Two orthonormal tangents of the surface without a closing row: the null space of its rows."""
     matrix, _ = manifold_rows(linear)
     _, _, right = np.linalg.svd(matrix)
     first, second = (position_of(linear, vector, False) for vector in right[-2:])

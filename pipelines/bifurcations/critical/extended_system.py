@@ -96,7 +96,7 @@ def correct_extended(
 
 
 def _mapped(opening: CriticalPass, vectors: Matrix) -> CriticalPass:
-    """The opening pass with other critical vectors, for the price of their columns alone."""
+    """The first pass with other critical vectors, at the cost of their columns alone."""
     mapped = opening.linear.at.tangent(vectors).columns
     return replace(opening, vectors=Vectors(vectors), defect=mapped - vectors @ opening.matrix)
 
@@ -138,7 +138,7 @@ def _extended_step(
     step: ManifoldStep,
     metric: PlaneMetric,
 ) -> _ExtendedStep | None:
-    """The Newton step of (R, theta, beta) drawn at the head of this module, R = V Y + q."""
+    """The Newton step of (R, theta, beta) for the system in this module's docstring, R = V Y + q."""
     at, basis, kind = linear.at, linear.basis, linear.at.problem.kind
     count, columns = vectors.shape[1], basis.shape[1]
     matrix, derivative = _rotation(kind, angle)

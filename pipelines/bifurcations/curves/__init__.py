@@ -5,5 +5,5 @@
 - codimension_two: test functions of special points
 - double_passages: special points passed twice within a step
 - fixed_parameter: a bifurcation point with one parameter held
-- stored_curves: whether a point lies on a curve that is known
+- stored_curves: whether a point lies on a known curve
 """

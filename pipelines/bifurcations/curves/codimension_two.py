@@ -1,4 +1,4 @@
-"""Special points along a curve: test functions, one number each, that change sign there and are smooth.
+"""Special points along a curve: smooth scalar test functions that change sign there.
 
 With the critical multipliers (and the trivial one of an unknown period) removed from the spectrum, mu_i are
 the others:
@@ -49,7 +49,7 @@ _END = 1e-7  # distance of cos_theta from 1 or -1 at which a Neimark-Sacker curv
 
 
 def other_multipliers(kind: EventKind, multipliers: Complex, cos_theta: float, autonomous: bool) -> Complex:
-    """The multipliers without the critical ones and without the trivial one of an unknown period."""
+    """The multipliers except the critical ones and the trivial one of an unknown period."""
     rest = nontrivial(multipliers, autonomous)
     critical = [-1.0 + 0.0j if kind is EventKind.PERIOD_DOUBLING else 1.0 + 0.0j]
     if kind is EventKind.NEIMARK_SACKER:
@@ -62,7 +62,7 @@ def other_multipliers(kind: EventKind, multipliers: Complex, cos_theta: float, a
 
 @dataclass(frozen=True)
 class SecondBifurcation:
-    """What becomes critical at a special point beside the multipliers of the curve that it was found on.
+    """What becomes critical at a special point, besides the multipliers of the curve that was followed.
 
     ``kind`` and critical ``angle`` of the curve that it lies on, and the multipliers that are critical on
     neither, ``others``.
@@ -74,7 +74,7 @@ class SecondBifurcation:
 
 
 def second_bifurcation(curve: EventKind, special: SpecialPoint, autonomous: bool) -> SecondBifurcation | None:
-    """The bifurcation whose curve meets one of kind ``curve`` in a special point; None where there is none.
+    """The bifurcation whose curve meets a curve of kind ``curve`` in a special point; None if there is none.
 
     At R1 and R2 the Neimark-Sacker curve ends on the other one, with a pair of critical multipliers in all;
     elsewhere two curves cross.  R1 of cycles of unknown period is a different resonance and gives None.
@@ -148,7 +148,7 @@ def resonance_tests(cos_theta: float) -> dict[SpecialKind, float]:
 
 
 def crossed(before: Vector, after: Vector) -> tuple[SpecialKind, ...]:
-    """Special points whose test changed sign; a test that is not defined at both ends finds nothing.
+    """Special points whose test changed sign; a test must be defined at both ends.
 
     A curve may start or end on a special point: the step that arrives there has it, the one that leaves does
     not.
@@ -163,7 +163,7 @@ def crossed(before: Vector, after: Vector) -> tuple[SpecialKind, ...]:
 
 
 def without_rounding(tests: Vector) -> Vector:
-    """The tests with those that are zero to rounding set to zero."""
+    """The test values, with those that are zero to rounding set to exactly zero."""
     return np.where(np.abs(tests) < _ZERO, 0.0, tests)
 
 

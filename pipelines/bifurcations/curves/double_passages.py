@@ -1,4 +1,4 @@
-"""Special points that a curve passes twice within one step: tests that return to their sign before the end.
+"""Special points that a curve passes twice within one step, so that the tests have equal signs at its ends.
 
 cos theta is known with its slope at both ends of a step, and a cubic shows where it may leave [-1, 1]. There
 a Neimark-Sacker curve ends, so that the first passage must be found however shallow it is.  Of the other
@@ -28,10 +28,10 @@ def dip_through(
     before: float,
     options: NormalFormOptions | None,
 ) -> tuple[Bracket, ...]:
-    """The brackets on both sides of where a test is beyond zero, although it is not at either end; none where
-    it does not come so far, or a point fails.
+    """The two brackets of the zeros of a test that has equal signs at both ends of a segment.
 
-    ``values`` at ``before`` the start of the segment, at its start and at its end.
+    Empty where the test does not reach zero, or a point fails.  ``values`` at ``before`` the start of the
+    segment, at its start and at its end.
     """
     if not np.all(np.isfinite(values)):
         return ()
@@ -86,7 +86,7 @@ def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, 
 
 
 def _may_dip(segment: CurveSegment, sign: float, before: float, start_slope: float) -> bool:
-    """Whether the cubic of 1 -+ cos theta through both ends comes down far enough between them."""
+    """Whether the cubic of 1 -+ cos theta through both ends comes near enough to zero between them."""
     end = segment.end
     after = 1.0 - sign * end.point.cos_theta
     if abs(after) < _ARRIVED:

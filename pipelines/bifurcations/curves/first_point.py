@@ -85,9 +85,7 @@ def curve_metric(problem: CurveProblem, options: CurveOptions, first: Position) 
 
 
 def _measured_by(end: CurveEnd, metric: PlaneMetric) -> CurveEnd:
-    """The same point with tangents of unit length, at right angles, by the metric that the corrected point
-    sets.
-    """
+    """The point with orthonormal tangents in the metric that the corrected point sets."""
     tangent = metric.unit(end.tangent)
     normal = end.normal.plus(tangent, -metric.inner(tangent, end.normal))
     return replace(end, tangent=tangent, normal=metric.unit(normal))
@@ -201,7 +199,7 @@ def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
 
 
 def demand_of(problem: CurveProblem, found: CriticalCycle | CurveEnd, steps: int) -> StepDemand:
-    """Steps per period that a point corrected with ``steps`` asks for, and what those leave."""
+    """Steps per period that a point corrected with ``steps`` asks for, and the error left by ``steps``."""
     if isinstance(found, CriticalCycle):
         basis, image = found.linear.basis, found.linear.image
     else:

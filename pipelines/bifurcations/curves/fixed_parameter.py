@@ -1,4 +1,4 @@
-"""A bifurcation point with one of two parameters held: the other one where a cycle is critical.
+"""A bifurcation point with one of two parameters held fixed.
 
 On the surface of cycles of ``pipelines.bifurcations.critical.cycle_manifold`` with its orthonormal tangents
 t_1, t_2 the line of the held parameter runs along t, and the test function g changes there by dg t:
@@ -36,8 +36,10 @@ from pipelines.orbits.time_steps import first_steps
 
 @dataclass(frozen=True)
 class FixedParameterPoint:
-    """A bifurcation point: both parameters (2,), ``state`` (N,), period, critical angle in [0, pi] and the
-    time steps per period.
+    """A bifurcation point located with one parameter held.
+
+    Both parameters (2,), ``state`` (N,), period, critical angle in [0, pi] and the time steps per
+    period.
     """
 
     parameters: tuple[float, float]
@@ -132,7 +134,7 @@ def _corrected(
 def _constraint(
     at: MapAt, basis: Matrix, bordering: BorderingVectors, held: int, metric: PlaneMetric
 ) -> CurveConstraint | None:
-    """The row that holds the parameter, the direction that is left and the slopes of the test function."""
+    """The row that holds the parameter, the remaining direction and the slopes of the test function."""
     passed = critical_pass(at, basis, vectors_of(bordering, at.problem.kind))
     critical = None if passed is None else critical_of(passed, bordering)
     if passed is None or critical is None:

@@ -41,7 +41,7 @@ _END_WIDTH = 1e-10  # of arclength: cos_theta changes by far less than what coun
 
 @dataclass(frozen=True)
 class CurveEnd:
-    """A corrected point with all that the next step needs.
+    """A corrected point with everything that the next step needs.
 
     ``tangent`` and ``normal``: orthonormal tangents of the surface of cycles, along and across the curve;
     ``gradient``: row of the test function, exact on both; ``tests`` (11,) in the order of ``SpecialKind``;
@@ -128,7 +128,7 @@ Pair = tuple[float, float]
 def _surface_slopes(
     found: CriticalCycle, constraint: CurveConstraint
 ) -> tuple[tuple[Position, Position], Pair, Pair] | None:
-    """Orthonormal tangents of the surface of cycles with the derivatives of g and of tr A along them."""
+    """Orthonormal tangents of the surface of cycles, and the derivatives of g and tr A along them."""
     linear, metric = found.linear, constraint.metric
     step = manifold_step(linear, (constraint.row, constraint.across), (0.0, 0.0))
     if step is None:
@@ -152,7 +152,7 @@ def _fold_curvature(found: CriticalCycle, metric: PlaneMetric) -> float:
 
 
 def _lengths(critical: Critical) -> float:
-    """Scale of z'D2 phi(y, y) that makes it independent of the bordering: abs(z) abs(y)^2."""
+    """Scale that makes z'D2 phi(y, y) independent of the bordering: abs(z) abs(y)^2."""
     return float(np.linalg.norm(critical.left) * np.linalg.norm(critical.right) ** 2)
 
 
@@ -187,7 +187,7 @@ class NotConvergedError(Exception):
 
 @dataclass(frozen=True)
 class Anchor:
-    """A corrected point at a ``fraction`` of a segment, with what its neighbours are corrected with."""
+    """A corrected point at a ``fraction`` of a segment, from which its neighbours are corrected."""
 
     fraction: float
     position: Position
@@ -230,13 +230,13 @@ class CurveSegment(CubicPiece[Position]):
         )
 
     def constraint_at(self, fraction: float, anchor: Anchor) -> CurveConstraint:
-        """The plane of a fraction."""
+        """The plane across the segment at a fraction."""
         row = self.metric.row(self.chord)
         value = row.dot(self.start) + fraction * row.dot(self.chord)
         return CurveConstraint(row, value, self.across, anchor.gradient, self.metric)
 
     def correct_at(self, fraction: float, anchor: Anchor) -> CurveCorrection:
-        """The point at a fraction of the segment; the cubic is as wrong there as it is at the anchor."""
+        """The point at a fraction of the segment, guessed from the cubic and the anchor's deviation."""
         wrong = anchor.position.minus(self.guess(anchor.fraction))
         guess = self.guess(fraction).plus(wrong)
         return self.correct_on(guess, self.constraint_at(fraction, anchor), anchor)
@@ -327,8 +327,9 @@ class Bracket:
 def locate_special(
     points: SegmentPoints, bracket: Bracket, width: float, options: NormalFormOptions | None
 ) -> tuple[SpecialPoint | None, CurveEnd] | None:
-    """The zero of one test function inside a bracket, to ``width`` of arclength; R1 and R2 of a
-    Neimark-Sacker curve more sharply, because it ends there.
+    """Locate the zero of one test function inside a bracket to ``width`` of arclength.
+
+    R1 and R2 of a Neimark-Sacker curve are located more accurately, because the curve ends there.
 
     Returns the point, or None in its place when it turns out to be a neutral saddle or the noise of a
     coefficient, and the corrected end there; None when a point between did not converge.  Every evaluation
@@ -361,8 +362,9 @@ def locate_special(
 
 
 def _drowned(end: CurveEnd, scale: float, change: float) -> bool:
-    """Whether the zero of a normal-form coefficient is no more than the error of its differences: a map that
-    is only piecewise smooth has coefficients that jump.
+    """Whether a zero of a normal-form coefficient is not beyond the error of its differences.
+
+    A map that is only piecewise smooth has coefficients that jump.
     """
     form = end.point.normal_form
     return form is None or scale**2 * form.noise * abs(end.point.alignment) > 0.5 * change

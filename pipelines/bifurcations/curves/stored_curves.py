@@ -1,4 +1,4 @@
-"""Whether a bifurcation point lies on a curve that is known."""
+"""Whether a bifurcation point lies on a known curve."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NOISE = 1e-6  # distance in the scaled parameters that different time steps may
 
 @dataclass(frozen=True)
 class KnownCurve:
-    """A bifurcation curve, its n points in order and cubic in between.
+    """A bifurcation curve: n points in order, interpolated by cubics.
 
     ``parameters`` and ``tangents`` = d parameters / d arclength, both (n, 2); ``arclength`` (n,); ``states``
     (n, N); ``angles`` (n,) of the critical multiplier in [0, pi].
@@ -47,7 +47,7 @@ class KnownCurve:
         )
 
     def with_point(self, state: CurveState) -> KnownCurve:
-        """The curve and one point more."""
+        """The curve with one more point."""
         newest = KnownCurve.of([state])
         pairs = zip(vars(self).values(), vars(newest).values(), strict=True)
         return KnownCurve(*(np.concatenate(pair) for pair in pairs))
@@ -73,8 +73,10 @@ class KnownCurve:
         scales: tuple[float, float] = (1.0, 1.0),
         same_sense: bool = False,
     ) -> bool:
-        """Whether another curve of the same kind, at this point with the ``tangent`` d parameters /
-        d arclength, is this one: two curves that cross share the point, but not the tangent.
+        """Whether another curve of this kind coincides with this one at a point.
+
+        ``tangent`` is its d parameters / d arclength there: two curves that cross share the point,
+        but not the tangent.
 
         ``same_sense``: the other curve must run forwards along this one.
         """
@@ -133,7 +135,7 @@ class KnownCurve:
 
 
 def _cubic(ends: Matrix, slopes: Matrix, length: float, at: float) -> tuple[Vector, Vector]:
-    """Point and derivative by the fraction of the Hermite cubic of a segment."""
+    """Value and derivative of the Hermite cubic of a segment at a fraction."""
     w0, d0, w1, d1 = hermite_weights(at, length)
     point = w0 * ends[0] + d0 * slopes[0] + w1 * ends[1] + d1 * slopes[1]
     rise = 6.0 * at * (1.0 - at)

@@ -62,23 +62,21 @@ class NormalForm:
 
     @property
     def supercritical(self) -> bool:
-        """Whether what is born is stable: b > 0, Re d < 0; a fold has no such type and counts as not."""
+        """Whether the solution born here is stable: b > 0, Re d < 0; False for a fold."""
         if self.kind is EventKind.PERIOD_DOUBLING:
             return self.coefficient.real > 0.0
         return self.kind is EventKind.NEIMARK_SACKER and self.coefficient.real < 0.0
 
     @property
     def decided(self) -> bool:
-        """Whether the sign of b or Re d is beyond the error."""
+        """Whether the sign of b or Re d is larger than its error."""
         return abs(self.coefficient.real) > self.real_error
 
 
 def normal_form(
     linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions
 ) -> NormalForm | None:
-    """The coefficient of the problem's kind; None for a neutral saddle and where a linear system is
-    singular.
-    """
+    """The coefficient for the problem's kind; None for a neutral saddle or a singular linear system."""
     kind = linear.at.problem.kind
     if linear.at.problem.period_map.autonomous:
         linear, critical = on_section(linear, critical)
@@ -174,8 +172,9 @@ class _Differences:
         return self.options.difference * self.linear.scale / float(np.max(np.abs(self.direction)))
 
     def of(self, columns: Matrix, centre: Matrix) -> tuple[Matrix, Matrix]:
-        """First and second derivatives of M columns, given M ``columns`` at the ``centre``, each (N, 2 c):
-        fourth order with h and 2h, then second order with h.
+        """First and second derivatives of M columns, given M ``columns`` at the ``centre``, each (N, 2 c).
+
+        Fourth order with h and 2h, then second order with h.
         """
         h = self.step
         m2, m1, p1, p2 = (self._beside(k * h, columns) for k in (-2, -1, 1, 2))
@@ -184,8 +183,9 @@ class _Differences:
         return first, np.hstack([fourth, (p1 + m1 - 2.0 * centre) / (h * h)])
 
     def first(self, columns: Matrix) -> Matrix:
-        """First derivatives of M columns from one pair of passes with a shorter step, where second
-        derivatives would drown in rounding.
+        """First derivatives of M columns from one pair of passes with a shorter step.
+
+        With this step second derivatives would be lost in rounding.
         """
         h = _SHORTER * self.step
         return (self._beside(h, columns) - self._beside(-h, columns)) / (2.0 * h)

@@ -1,4 +1,4 @@
-"""Normal forms of maps that are only piecewise smooth, from regularised maps beside them.
+"""Normal forms of piecewise smooth maps, computed from regularised maps.
 
 A piecewise smooth force has third derivatives with singularities at the moments where a piece begins or
 ends.  The flow may still be smooth, but time steps miss what happens between them, so that differences of the

@@ -1,4 +1,4 @@
-"""The linear system of Newton-Picard for invariant curves, as drawn in ``invariant_curve``."""
+"""The linear system of Newton-Picard for invariant curves, as shown in ``invariant_curve``."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def pass_from_all(
 
 
 def carried(unknowns: TorusUnknowns, values: Array) -> Array:
-    """S(-rho) values: what a pass brings to the angles themselves, shape (M, ...)."""
+    """S(-rho) values: the images of a pass moved back to the angles themselves, shape (M, ...)."""
     return applied(shift_matrix(len(values), -unknowns.rotation)[0], values)
 
 
@@ -64,8 +64,10 @@ class PhaseRow:
 
 @dataclass(frozen=True)
 class Linearised:
-    """``reduced`` (M k, M k): V'D V; ``sources`` and ``picard``, ``picard_image`` (M, N, c): x, q_x and D q_x
-    for r, Phi_l and, when rho is unknown, Phi_rho.
+    """The derivatives at a curve in reduced form.
+
+    ``reduced`` (M k, M k): V'D V; ``sources`` and ``picard``, ``picard_image`` (M, N, c): x, q_x and D
+    q_x for r, Phi_l and, when rho is unknown, Phi_rho.
     """
 
     bases: Array
@@ -108,7 +110,7 @@ def _project_out(bases: Array, values: Array) -> Array:
 def _picard_iteration(
     problem: TorusProblem, unknowns: TorusUnknowns, bases: Array, shift: Matrix, sources: Array
 ) -> tuple[Array, Array]:
-    """q <- Q (D q + x) until a sweep moves every q by little against its x; q and D q."""
+    """Repeat q <- Q (D q + x) until every q changes little against its x; returns q and D q."""
     if bases.shape[1] == bases.shape[2]:
         return np.zeros_like(sources), np.zeros_like(sources)
     picard, image = _project_out(bases, sources), np.zeros_like(sources)
@@ -127,7 +129,7 @@ def _picard_iteration(
 def solve_bordered(
     linear: Linearised, phase: PhaseRow | None, offset: float, row: TorusUnknowns, gap: float
 ) -> TorusUnknowns | None:
-    """The update (dX, drho, dl) of the system drawn in ``invariant_curve``."""
+    """The update (dX, drho, dl) of the system shown in ``invariant_curve``."""
     count, _, width = linear.bases.shape
     inner, tails = count * width, linear.sources.shape[2] - 1
     matrix, right = np.empty((inner + tails, inner + tails)), np.empty(inner + tails)

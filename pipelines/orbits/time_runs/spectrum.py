@@ -23,8 +23,10 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Waterfall:
-    """``place`` (pieces,): middle of each piece, counted in samples; ``frequency`` (frequencies,);
-    ``amplitude`` (pieces, frequencies, ...).
+    """Spectra of pieces of a motion.
+
+    ``place`` (pieces,): middle of each piece in samples; ``frequency`` (frequencies,); ``amplitude``
+    (pieces, frequencies, ...).
     """
 
     place: Array

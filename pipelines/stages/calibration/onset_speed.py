@@ -48,8 +48,8 @@ STATUSES = {
     NO_CYCLE: "no cycle was found to start from: raise the lowest speed of the range",
     BRANCH_LOST: "the branch could not be followed: lower continue_cycles.maximum_step or minimum_step",
     FILM_LIMIT: "the film touches the foil before an onset: see continue_cycles.minimum_film",
-    INVALID: "these values make no machine",
-    UNDECIDED: "critical speeds below it may be missing: agfb criticals tells where and why",
+    INVALID: "these values give no valid machine",
+    UNDECIDED: "critical speeds below it may be missing: agfb criticals shows where and why",
 }
 FAILED = frozenset({NO_EQUILIBRIUM, NO_CYCLE, BRANCH_LOST, FILM_LIMIT, INVALID, UNDECIDED})
 HOPF = "hopf"
@@ -62,8 +62,10 @@ KINDS_OF = {
 
 @dataclass(frozen=True)
 class Onset:
-    """How the search ended (`STATUSES`), the dimensionless speed (the end of the range where censored, NaN
-    where it failed) and the bifurcation ("unset" where there is none).
+    """The onset speed of a machine, and how its search ended.
+
+    One of `STATUSES`, the dimensionless speed (the end of the range where censored, NaN where it failed)
+    and the bifurcation ("unset" where there is none).
     """
 
     status: str
@@ -103,7 +105,7 @@ def _starts(interval: tuple[float, float], expected: float | None) -> list[float
 def _hopf_onset(
     machine: Machine, parameters: Array, interval: tuple[float, float], expected: float | None
 ) -> Onset:
-    """The first Hopf point, sought around the expected one first."""
+    """The first Hopf point, searched around the expected one first."""
     low, high = interval
     if expected is not None:
         below, above = (min(max(factor * expected, low), high) for factor in AROUND)
@@ -153,7 +155,7 @@ def _onset_above(
 
 
 class _Walk:
-    """Watches a branch along the rising speed until its first onset."""
+    """Follows a branch with rising speed until its first onset."""
 
     def __init__(
         self, machine: Machine, minimum_film: float, kinds: frozenset[EventKind], should_stop: ShouldStop

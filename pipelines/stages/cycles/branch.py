@@ -1,4 +1,4 @@
-"""One branch of cycles into its group of the store: started, followed point by point, resumed, ended."""
+"""One branch of cycles in its group of the store: start, continue point by point, resume, end."""
 
 from __future__ import annotations
 
@@ -35,8 +35,10 @@ DOUBLED_AMPLITUDES = (1.0, 0.25, 4.0)  # of the first doubled cycle, in units of
 
 @dataclass(frozen=True)
 class BranchRequest:
-    """One branch: its `group` (cycles/b000), the `case` with the [continue_cycles] table that it follows, the
-    `direction` of the parameter, and the other parameters that differ from the case's own (`fixed`).
+    """One branch of cycles to be computed.
+
+    Its `group` (cycles/b000), the `case` with the [continue_cycles] table that it uses, the `direction`
+    of the parameter, and the other parameters that differ from the case's own (`fixed`).
 
     A period-doubled branch has `turns` 2, 4, 8 excitation periods and starts from a period doubling, its
     `origin`.
@@ -50,7 +52,7 @@ class BranchRequest:
     origin: Origin | None = None
 
     def attributes(self) -> dict[str, Any]:
-        """What the group says of the request."""
+        """The request as attributes of its group."""
         table = self.case.continue_cycles
         attributes: dict[str, Any] = {
             "parameter": table.parameter,
@@ -65,14 +67,15 @@ class BranchRequest:
 
 
 def request_problem(job: Job, request: BranchRequest) -> CycleProblem:
-    """The cycles that a request follows."""
+    """The cycles of a request."""
     problem = cycle_problem(job.machine, request.case, request.fixed)
     return with_multiplied_period(problem, request.turns)
 
 
 def trace_branch(job: Job, request: BranchRequest) -> None:
-    """Follow a branch from its first cycle, or from its last committed point, until it ends or is asked to
-    stop.  A branch that cannot start is an ended group without points, whose attributes say why.
+    """Trace a branch from its first cycle, or from its last committed point, until it ends or is stopped.
+
+    A branch that cannot start is an ended group without points, whose attributes say why.
 
     Raises what `open_branch` raises.
     """
@@ -125,7 +128,7 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
 def _progress_callback(
     job: Job, request: BranchRequest
 ) -> Callable[[BranchPoint, BranchState, tuple[Event, ...]], None]:
-    """What is told of every recorded point."""
+    """The report of every recorded point."""
     table = request.case.continue_cycles
 
     def told(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
@@ -142,7 +145,7 @@ def _progress_callback(
 def _first_cycles(
     job: Job, request: BranchRequest, problem: CycleProblem, watch: Guard
 ) -> Iterator[FirstCycle | NoStart]:
-    """Guesses of the first cycle: of a doubled branch beside its period doubling."""
+    """Guesses of the first cycle; for a doubled branch beside its period doubling."""
     if request.origin is None:
         yield from first_cycles(job.machine, request.case, problem, watch)
         return

@@ -1,4 +1,4 @@
-"""Branch points as rows of a store, and rows as the state from which a branch goes on."""
+"""Points of a branch as rows of a store, and rows as the state that resumes a branch."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def branch_sizes(machine: Machine, case: Case, problem: CycleProblem) -> dict[st
 
 
 def static_arrays(machine: Machine, case: Case, problem: CycleProblem) -> dict[str, Any]:
-    """Coordinates of a branch's group that are written once."""
+    """Coordinates of a branch's group, written once."""
     samples = problem.period_map.samples
     theta = np.full((BEARINGS, max(bearing.settings.nodes for bearing in machine.bearings)), np.nan)
     for index, bearing in enumerate(machine.bearings):
@@ -65,7 +65,7 @@ _SAME_HALVES = 1e-6  # of the clearance: far below the amplitude at which double
 
 
 class BranchRecorder:
-    """Writes every accepted point of a branch, and ends the branch where a film is no longer physical.
+    """Writes every accepted point of a branch, and ends the branch if a film is no longer physical.
 
     A branch of cycles of ``turns`` > 1 excitation periods also ends behind its own period doubling, beyond
     which the same cycles follow, shifted in time.  The shape of a cycle is computed once, in ``limit``, which
@@ -100,7 +100,7 @@ class BranchRecorder:
         return unphysical(self._shape, self._case.continue_cycles.minimum_film)
 
     def record(self, point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
-        """Commit the point ``limit`` has just passed, with the events that lead to it."""
+        """Commit the point that ``limit`` has just accepted, with the events that lead to it."""
         assert self._shape is not None
         self._first = False
         case, after = self._case, state.index - 1
@@ -119,7 +119,7 @@ def _has_own_doubling(branch: Group) -> bool:
 
 
 def _halves_apart(orbit: Array) -> float:
-    """How far the masters move in half a period: zero for a cycle of half the period."""
+    """Distance that the masters move in half a period: zero for a cycle of half the period."""
     return float(np.max(np.abs(orbit[0] - orbit[len(orbit) // 2])))
 
 
@@ -177,7 +177,7 @@ def _resonance_name(event: Event) -> str:
 
 
 def unlocated_row(case: Case, kind: EventKind, point: BranchPoint, after_point: int) -> dict[str, Any]:
-    """A bifurcation that was detected before a point but not located: the point's own values, no residual."""
+    """A bifurcation that was detected before a point but not located: the point's values, no residual."""
     cycles, unknowns = KINDS["cycles"], point.cycle.unknowns
     return {
         "event_kind": np.int8(cycles.array("event_kind").flag(kind.name.lower())),
@@ -194,7 +194,7 @@ def unlocated_row(case: Case, kind: EventKind, point: BranchPoint, after_point: 
 
 
 def stored_event(branch: Group, index: int) -> Event:
-    """A located bifurcation read back; of ``branch`` the arrays ``EVENT_NAMES`` are needed."""
+    """A located bifurcation read from the store; ``branch`` needs the arrays ``EVENT_NAMES``."""
     arrays = branch.arrays
     multipliers = arrays["event_multipliers"][index]
     multipliers = multipliers[np.isfinite(multipliers)]

@@ -1,6 +1,4 @@
-"""`agfb criticals`: Campbell diagram, critical speeds, predicted parametric resonances, full against
-condensed rotor.
-"""
+"""`agfb criticals`: Campbell diagram, critical speeds, resonances, full against condensed rotor."""
 
 from __future__ import annotations
 
@@ -47,7 +45,7 @@ WELL = missing_speeds.WELL | {NO_CRITICAL}  # reasons that are no failure
 
 
 def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Write the group ``criticals`` of a case at once; computed again only when its table has changed."""
+    """Write the group ``criticals`` of a case at once; recomputed only if its table has changed."""
     store, group = open_for_writing(store_path), f"cases/{case.case_id}/criticals"
     request = case.case.criticals.model_dump(mode="json")
     if store.has_group(group) and read_group(store, group, ()).attributes.get("request") == request:
@@ -86,7 +84,7 @@ def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
 
 
 def _told(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> dict[str, Any]:
-    """Attributes that say what is missing: speeds without equilibrium, and what the count of modes says."""
+    """Attributes that say what is missing: speeds without equilibrium, and doubts from the count of modes."""
     missing = [
         missing_speeds.told(float(diagram.speeds[index]), reason)
         for index, reason in diagram.missing.items()
@@ -145,7 +143,7 @@ def _comparison(
 def _equilibrium(
     machine: Machine, parameters: Array, diagram: CampbellDiagram, speed: float, guess: Array | None
 ) -> Array | None:
-    """The equilibrium at a speed; it is not sought where the diagram has none on either side."""
+    """The equilibrium at a speed; it is not searched where the diagram has none on either side."""
     above = int(np.searchsorted(diagram.speeds, speed))
     if all(state is None for state in diagram.states[max(0, above - 1) : above + 1]):
         return None
@@ -154,8 +152,9 @@ def _equilibrium(
 
 
 def _unbalance(machine: Machine, case: Case) -> dict[int, complex]:
-    """Unbalance [kg m] of ``UNBALANCE_ECCENTRICITY``, shared in phase by the discs or, without any, the
-    bearings.
+    """Unbalance [kg m] of ``UNBALANCE_ECCENTRICITY``, shared in phase by the discs.
+
+    Without any disc by the bearings.
     """
     nodes = [disc.node for disc in case.rotor.discs] or [bearing.node for bearing in case.bearings]
     mass = float(machine.rotor.mass[0::4, 0::4].sum())
@@ -178,7 +177,7 @@ def _campbell_arrays(diagram: CampbellDiagram) -> dict[str, Any]:
 
 
 def _direction_flags(directions: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Stored flag of +1 forward, -1 backward, 0 planar."""
+    """Stored flags of +1 forward, -1 backward, 0 planar."""
     flag = KINDS["criticals"].array("direction").flag
     table = {1: flag("forward"), -1: flag("backward"), 0: flag("mixed")}
     return np.vectorize(table.__getitem__, otypes=[np.int8])(directions)
@@ -250,7 +249,7 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
 
 
 def _without_equilibrium(attributes: Mapping[str, Any]) -> str:
-    """The speeds of the range that have none, or the stretches between these; empty without any."""
+    """Speeds of the range without equilibrium, or the intervals between them; empty without any."""
     if missing := attributes[missing_speeds.ATTRIBUTE]:
         return missing_speeds.named(missing)
     gaps = [one for one in attributes["undecided_stretches"] if one["reason"] == NO_EQUILIBRIUM]

@@ -1,6 +1,4 @@
-"""`agfb linearize`: equilibria along the speed, bearing coefficients, leading eigenvalues, the instability
-speed.
-"""
+"""`agfb linearize`: equilibria along the speed, bearing coefficients, eigenvalues, instability speed."""
 
 from __future__ import annotations
 
@@ -38,7 +36,7 @@ HIDDEN = "the instability lies at speeds without equilibrium"
 
 
 def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill the group ``linear`` of a case, speed by speed from the lowest; resumes behind the last speed."""
+    """Fill the group ``linear`` of a case, speed by speed from the lowest; resumes after the last speed."""
     store = open_for_writing(store_path)
     machine, parameters = build_machine(case.case), reference_parameters(case.case)
     table = case.case.linearize
@@ -72,9 +70,7 @@ def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
 
 
 def reference_parameters(case: Case) -> Array:
-    """The case's parameters, with the ring undeformed if the linearisation is to be that of the passive
-    machine.
-    """
+    """The case's parameters; with undeformed rings if the passive machine is to be linearised."""
     parameters = parameter_vector(case)
     if case.linearize.ring == "undeformed":
         parameters[film.DISPLACEMENT] = 0.0
@@ -84,7 +80,7 @@ def reference_parameters(case: Case) -> Array:
 def _missing(
     machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]], known: Mapping[int, str]
 ) -> list[str]:
-    """What is told of the speeds without equilibrium; the reasons that are not ``known`` are found again."""
+    """The report on speeds without equilibrium; reasons that are not ``known`` are recomputed."""
     speeds, states = rows["speed"], rows["state"]
     missing = []
     for index in np.flatnonzero(~np.isfinite(states).all(axis=1)):
@@ -97,7 +93,7 @@ def _missing(
 
 
 def _finish(branch: BranchWriter, missing: list[str], instability: dict[str, Any]) -> None:
-    """Say how the range came out."""
+    """Store how the range ended."""
     reason = missing_speeds.ending(missing, branch.n_points)
     advice = missing_speeds.advice(missing, branch.n_points)
     hidden = instability.get("instability_between")
@@ -122,7 +118,7 @@ def _sizes(machine: Machine, case: Case) -> dict[str, int]:
 
 
 def _last_state(branch: BranchWriter) -> Array | None:
-    """The equilibrium at the speed before, from which the next one is sought."""
+    """The equilibrium at the previous speed, from which the next one is searched."""
     newest = branch.resume_row()
     if newest is None or not np.all(np.isfinite(newest.row["state"])):
         return None
@@ -130,7 +126,7 @@ def _last_state(branch: BranchWriter) -> Array | None:
 
 
 def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibrium) -> dict[str, Any]:
-    """One row of the group; a speed without equilibrium keeps its residual and is otherwise not a number."""
+    """One row of the group; a speed without equilibrium stores its residual and NaN otherwise."""
     table, bearings = case.linearize, len(machine.bearings)
     coefficients = np.full((len(table.whirl_ratios), bearings, 2, 2), complex(np.nan, np.nan))
     row: dict[str, Any] = {
@@ -166,8 +162,10 @@ def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibri
 
 
 def _instability(machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Attributes of the lowest Hopf point between two neighbouring speeds; None where the range has none, or
-    where it lies beside a speed without equilibrium: then ``instability_between`` tells the speeds.
+    """Attributes of the lowest Hopf point between two neighbouring speeds; None if there is none.
+
+    None also where it lies beside a speed without equilibrium: then ``instability_between`` gives the
+    speeds.
     """
     growth, speeds = leading_growth(rows["eigenvalues"]), rows["speed"]
     known = np.flatnonzero(np.isfinite(growth))
@@ -201,7 +199,7 @@ def leading_growth(eigenvalues: NDArray[np.complex128]) -> Array:
 def hopf_between(
     machine: Machine, parameters: Array, low: float, high: float, guess: Array
 ) -> Instability | None:
-    """The Hopf point between two speeds at which the equilibrium exists; None if no pair crosses."""
+    """The Hopf point between two speeds with an equilibrium; None if no pair crosses."""
     lower = linear_point(machine, at_speed(parameters, low), 4, np.ascontiguousarray(guess))
     upper = linear_point(machine, at_speed(parameters, high), 4, np.ascontiguousarray(guess))
     if isinstance(lower, Equilibrium) or isinstance(upper, Equilibrium):

@@ -1,4 +1,4 @@
-"""Speeds of a range that have no equilibrium: what a stage that goes over the range tells of them."""
+"""Speeds of a range without equilibrium: how the stages over this range report them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ WELL = frozenset({FINISHED, SOME_MISSING})
 
 
 def told(speed: float, reason: str) -> str:
-    """What is stored of a speed without equilibrium."""
+    """The stored data of a speed without equilibrium."""
     return f"speed {speed:.4g}: {reason}"
 
 
 def ending(missing: Sequence[str], total: int) -> str:
-    """Why a stage ends that found no equilibrium at some of its speeds, each as ``told``."""
+    """Why a stage ends that found no equilibrium at some speeds, each as from ``told``."""
     if not missing:
         return FINISHED
     if len(missing) == total:
@@ -38,7 +38,7 @@ def named(missing: Sequence[str]) -> str:
 
 
 def advice(missing: Sequence[str], total: int) -> str:
-    """Which speeds these are, and the reason at the highest."""
+    """The speeds, and the reason at the highest."""
     if not missing:
         return ""
     return f"{len(missing)} of {total} speeds have none: {named(missing)}; at {missing[-1]}"

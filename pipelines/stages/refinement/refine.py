@@ -1,4 +1,4 @@
-"""`--refine`: how wrong the located bifurcations are, told by the same points on finer grids.
+"""`--refine`: errors of located bifurcations, estimated by recomputing them on finer grids.
 
 Every chosen point becomes one row of the group ``refinement``, committed as soon as it is computed. A row
 depends on the stored point alone, so that an interrupted refinement goes on with the same bytes.
@@ -41,8 +41,9 @@ NOTHING = "no bifurcation is stored"
 
 
 def refine(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill the group ``refinement`` of a case: one row per bifurcation point; points that have a row are left
-    alone.
+    """Fill the group ``refinement`` of a case with one row per bifurcation point.
+
+    Points that already have a row are left alone.
     """
     store, group = open_for_writing(store_path), f"cases/{case.case_id}/refinement"
     points = stored_points(store, case.case_id, case.case.refine.points_per_curve)
@@ -58,7 +59,7 @@ def refine(case: NamedCase, store_path: Path, report: Report, should_stop: Shoul
 
 
 def _known(store: Store, group: str) -> set[tuple[int, int, int]]:
-    """Keys of the points that have a row."""
+    """Keys of the points that already have a row."""
     if not store.has_group(group):
         return set()
     rows = read_group(store, group, ("source", "source_number", "source_index"))
@@ -81,7 +82,7 @@ def _open(store: Store, group: str, case: Case, capacity: int) -> BranchWriter:
 
 
 def _unknowns(case: Case, grid: Grid) -> int:
-    """N on a grid, as the kernels count it."""
+    """Number of unknowns N on a grid, as the kernels count it."""
     periodic = [bearing.film == "periodic" for bearing in case.bearings]
     nodes = sum(grid.circumferential - (0 if whole else 1) for whole in periodic)
     return nodes * (grid.axial + 1) + 2 * case.rotor.condensed_freedoms

@@ -1,4 +1,4 @@
-"""The store that a run writes to: made by the driver alone, before any case is computed."""
+"""The store of a run: prepared by the driver alone, before any case is computed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pipelines.stages.parameter_columns import parameter_attributes
 
 
 def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequence[str]) -> None:
-    """Make the store of a configuration, or check that the one which is there belongs to it.
+    """Create the store of a configuration, or check that an existing one belongs to it.
 
     `named_cases` are all cases of the configuration, also those that will not be computed now; the geometry
     of each is written here. Raises StoreError (another configuration, something else at this path), OSError.
@@ -37,7 +37,7 @@ def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequ
 
 
 def case_attributes(named: NamedCase) -> dict[str, Any]:
-    """Name, origin, parameters at the start and scales, as JSON values; what the machine lacks is None."""
+    """Name, origin, initial parameters and scales as JSON values; None for what the machine lacks."""
     scales = named.case.scales
     return {
         "name": named.case_id,

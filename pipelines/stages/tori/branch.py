@@ -1,4 +1,4 @@
-"""One branch of tori into its group of the store: started, followed point by point, resumed, ended."""
+"""One branch of tori in its group of the store: start, continue point by point, resume, end."""
 
 from __future__ import annotations
 
@@ -30,8 +30,10 @@ WANTING_POINTS = TorusStop.MAXIMUM_POINTS.name.lower()
 
 
 def trace_tori(job: Job, group: str, source: TorusSource) -> None:
-    """Follow a branch of tori from its first one, or from its last committed point, until it ends or is asked
-    to stop.  A branch that cannot start is an ended group without points, whose attributes say why.
+    """Trace a branch of tori from its first one, or from its last committed point, until it ends.
+
+    It also ends when asked to stop.  A branch that cannot start is an ended group without points, whose
+    attributes say why.
 
     Raises what `open_branch` raises.
     """
@@ -92,7 +94,7 @@ def _run(
 
 
 def torus_options(job: Job, direction: int) -> TorusOptions:
-    """Options of the continuation from the case's table; foil stiffnesses count relative to the case's."""
+    """Options of the continuation from the case's table; foil stiffnesses are relative to the case's."""
     table = job.case.case.continue_tori
     return TorusOptions(
         range=table.range,
@@ -106,7 +108,7 @@ def torus_options(job: Job, direction: int) -> TorusOptions:
 
 
 def _progress_callback(job: Job, group: str) -> Callable[[TorusPoint, TorusState], None]:
-    """What is told of every recorded torus."""
+    """The report of every recorded torus."""
     table = job.case.case.continue_tori
 
     def told(point: TorusPoint, state: TorusState) -> None:
@@ -119,7 +121,7 @@ def _progress_callback(job: Job, group: str) -> Callable[[TorusPoint, TorusState
 
 
 def _end(branch: BranchWriter, source: TorusSource, result: TorusResult) -> None:
-    """Store why the branch ended, with what helps where the Fourier series of a torus does not fall."""
+    """Store why the branch ended, with advice where the Fourier series of a torus decays too slowly."""
     rough = result.stop is TorusStop.ROUGH
     beyond = f"that is, raise continue_tori.max_angles or tolerance, or {source.beyond}"
     store_end(branch, result, beyond if rough else "")

@@ -1,6 +1,4 @@
-"""`agfb continue-tori`: branches of quasi-periodic orbits, born at Neimark-Sacker points of stored cycles or
-driven by unbalance.
-"""
+"""`agfb continue-tori`: branches of tori, born at Neimark-Sacker points or driven by unbalance."""
 
 from __future__ import annotations
 
@@ -30,8 +28,10 @@ COMPLETE = frozenset(
 
 
 def continue_tori(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill groups of a case: ``tori/q000``, ... from the Neimark-Sacker points inside the range, or
-    ``tori/u000`` and with both directions ``u001`` with unbalance; resumes behind the last point.
+    """Fill groups of a case with branches of tori; resumes after the last point.
+
+    ``tori/q000``, ... from the Neimark-Sacker points inside the range, or ``tori/u000`` and with both
+    directions ``u001`` with unbalance.
     """
     job = Job.of("continue-tori", case, store_path, report, should_stop)
     refusal = _refusal(job)
@@ -48,7 +48,7 @@ def continue_tori(case: NamedCase, store_path: Path, report: Report, should_stop
 
 
 def _refusal(job: Job) -> StageResult | None:
-    """Why there is nothing to follow in this store."""
+    """Why this store gives no branch of tori to continue."""
     table = job.case.case.continue_tori
     if table.origin == "neimark_sacker" and table.branch not in job.groups("cycles"):
         return StageResult(
@@ -79,7 +79,7 @@ def _sources(job: Job) -> Iterator[TorusSource]:
 
 
 def _result(job: Job, groups: list[str]) -> StageResult:
-    """How the branches of a case ended: the case is well when all of them are."""
+    """How the branches of a case ended; the stage succeeds if all of them do."""
     case_id, table = job.case.case_id, job.case.case.continue_tori
     if not groups and not job.should_stop():
         low, high = table.range

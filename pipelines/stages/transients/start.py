@@ -1,4 +1,4 @@
-"""Where a transient run starts: an equilibrium, a stored cycle, a checkpoint of another run."""
+"""Initial condition of a transient: an equilibrium, a stored cycle, a checkpoint of another run."""
 
 from __future__ import annotations
 
@@ -31,8 +31,10 @@ class CannotRunError(Exception):
 
 @dataclass(frozen=True)
 class StartState:
-    """``state`` (N,) with its four ``parameters``; their displacement is that of the excitation when it is
-    on, ``displacement`` the one of the rings in this state. Angles in rad.
+    """The initial state of a transient.
+
+    ``state`` (N,) with its four ``parameters``; their displacement is that of the excitation when it is
+    on, ``displacement`` that of the rings in this state. Angles in rad.
     """
 
     state: Array
@@ -45,8 +47,9 @@ class StartState:
 def start_state(
     named: NamedCase, machine: Machine, store: Store | None, speed: float | None, displacement: float
 ) -> StartState:
-    """The start that the case asks for; ``speed`` (None: the case's own) and ``displacement`` are those of an
-    equilibrium. Raises CannotRunError.
+    """The initial state that the case requests. Raises CannotRunError.
+
+    ``speed`` (None: the case's own) and ``displacement`` are those of an equilibrium.
     """
     table = named.case.transient
     if table.start == EQUILIBRIUM:
@@ -77,7 +80,7 @@ def _equilibrium(named: NamedCase, machine: Machine, speed: float | None, displa
 
 
 def _stored(named: NamedCase, store: Store | None, name: str) -> StartState:
-    """A row of a branch or a checkpoint of a run of the same case."""
+    """A row of a branch or a checkpoint of a transient of the same case."""
     group = f"cases/{named.case_id}/{name}"
     if store is None or not store.has_group(group):
         known = [] if store is None else list_groups(store, named.case_id)

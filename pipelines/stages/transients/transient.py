@@ -1,4 +1,4 @@
-"""`agfb transient`: runs in time with changing speed, unbalance and switched excitation, block by block."""
+"""`agfb transient`: transients with changing speed, unbalance and switched excitation, block by block."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = ["CannotRunError", "Outlook", "RunStop", "outlook", "transient"]
 
 
 class RunStop(Enum):
-    """Why a run ended, with the sentence that says what to change."""
+    """Why a run ended, with advice."""
 
     FINISHED = ("finished", "")
     TOUCH = (
@@ -52,12 +52,12 @@ class RunStop(Enum):
 
     @property
     def word(self) -> str:
-        """As the store has it."""
+        """The reason as named in the store."""
         return str(self.value[0])
 
     @property
     def advice(self) -> str:
-        """With room for the bearing, its value, the limit and the time."""
+        """The advice, with placeholders for the bearing, its value, the limit and the time."""
         return str(self.value[1])
 
 
@@ -65,9 +65,10 @@ COMPLETE = frozenset({RunStop.FINISHED.word, RunStop.TOUCH.word, RunStop.VACUUM.
 
 
 def transient(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill a group ``transient/t000``, ... of a case: the one whose tables [transient] and [unbalance] are
-    these, or the next free one; resumes at the last checkpoint. What an ended run tells is written beside it,
-    into ``transient_analysis``.
+    """Fill a group ``transient/t000``, ... of a case; resumes at the last checkpoint.
+
+    The group whose tables [transient] and [unbalance] are these, or the next free one. The analysis of
+    an ended run is written beside it, into ``transient_analysis``.
     """
     store = open_for_writing(store_path)
     try:
@@ -85,7 +86,7 @@ def transient(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
 
 
 def outlook(case: NamedCase, store_path: Path | None) -> Outlook:
-    """What is left to do of a case's run, also without a store; computes a few steps and writes nothing.
+    """What is left of a case's run, also without a store; computes a few steps and writes nothing.
 
     Raises CannotRunError, and StoreError for a store that cannot be read.
     """
@@ -123,7 +124,7 @@ def _static(run: Run, case: NamedCase) -> dict[str, Any]:
 
 
 def _follow(run: Run, branch: BranchWriter, case_id: str, report: Report, should_stop: ShouldStop) -> None:
-    """Compute block after block from the last checkpoint, and commit each."""
+    """Compute block after block from the last checkpoint, and commit each one."""
     position = _position(run, branch)
     while position.step < run.plan.steps:
         if should_stop():
@@ -143,7 +144,7 @@ def _follow(run: Run, branch: BranchWriter, case_id: str, report: Report, should
 
 
 def _position(run: Run, branch: BranchWriter) -> Position:
-    """The last checkpoint; the start, which is committed first, where there is none."""
+    """The last checkpoint; without one the start, which is committed first."""
     newest = branch.newest_event()
     if newest is not None:
         state, running = newest["checkpoint_state"], newest["checkpoint_extremes"]
@@ -157,7 +158,7 @@ def _position(run: Run, branch: BranchWriter) -> Position:
 
 
 def _rows(run: Run, first: int, samples: Array, extremes: Array) -> Iterator[dict[str, Any]]:
-    """Rows of the group from the displacements of the masters and the extremes since the sample before."""
+    """Rows of the group from the displacements of the masters and the extremes since the previous sample."""
     times = np.minimum((first + np.arange(len(samples))) * run.plan.interval, run.drive.duration)
     speeds, angles = run.drive.speed(times), run.drive.angle(times)
     displacements = run.drive.displacement(times)
