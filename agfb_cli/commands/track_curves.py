@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from agfb_cli.commands.stage import stage_command
+from agfb_cli.options import REFINE
 
 _COMMON = """
 Curves start at every such point of the store's branches and where they meet stored curves (at R1, R2 and
@@ -16,6 +17,6 @@ NEIMARK_SACKER_HELP = (
 )
 FOLD_HELP = f"Curves of folds of cycles over two parameters.\n{_COMMON} cases/CASE/folds/c000, ...\n"
 
-track_pd = stage_command(("continue_cycles", "track_pd"))
-track_ns = stage_command(("continue_cycles", "track_ns"))
-track_folds = stage_command(("continue_cycles", "track_folds"))
+track_pd = stage_command(("continue_cycles", "track_pd"), (REFINE,))
+track_ns = stage_command(("continue_cycles", "track_ns"), (REFINE,))
+track_folds = stage_command(("continue_cycles", "track_folds"), (REFINE,))
