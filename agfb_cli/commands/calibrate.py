@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agfb_cli.cases import load_cases, select_cases
 from agfb_cli.commands.stage import Outcome, Request, stage_command
 from agfb_cli.console import Console, table
 from agfb_cli.errors import UsageError
-from agfb_cli.inputs import read_configuration
+from agfb_cli.inputs import load_cases, read_configuration, select_cases
 from agfb_cli.options import OwnOption
 
 if TYPE_CHECKING:

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from agfb_cli.cases import load_cases, refuse_stages, select_cases
 from agfb_cli.console import Console, name_values, words
 from agfb_cli.dry_run import make_plan, show_plan
 from agfb_cli.errors import ExitCode, explained
-from agfb_cli.inputs import default_store
+from agfb_cli.inputs import default_store, load_cases, refuse_stages, select_cases
 from agfb_cli.interruption import Interruption, resume_command
 from agfb_cli.options import (
     AsJson,
@@ -35,8 +34,7 @@ from agfb_cli.options import (
     with_own_options,
 )
 from agfb_cli.pool import choose_pool, settings_of_dask
-from agfb_cli.progress import ProgressReporter
-from agfb_cli.timing import seconds_spent, where_time_went
+from agfb_cli.progress import ProgressReporter, seconds_spent, where_time_went
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
