@@ -77,7 +77,7 @@ def cases(ctx: typer.Context, incomplete: str) -> Answers:
     files = [Path(file) for file in (given if isinstance(given, list | tuple) else [given])]
     if "store" in ctx.params:
         return sorted(entry.parent.name for file in files for entry in file.glob("cases/*/zarr.json"))
-    from agfb_cli.cases import load_cases
+    from agfb_cli.inputs import load_cases
 
     assigned = ctx.params.get("assignments") or ()
     return [named.case_id for file in files for named in load_cases(file, assigned, stages=())]

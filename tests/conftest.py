@@ -1,6 +1,6 @@
 """The surroundings that the command makes for itself, and how hard the tests of reliability try.
 
-The first must precede the import of numpy. A site may set variables that choose instructions of the processor:
+The first must precede the import of numpy. A site may set variables that choose the processor's instructions:
 they would change the last bits of what a test computes in its own process and compares with the command's.
 Spinning BLAS threads slow small matrices. `make torture` asks for more killed processes and more examples.
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from agfb_cli.commands.stage import stage_command
+from agfb_cli.options import REFINE
 
 HELP = """Limit cycles, Floquet multipliers and bifurcations.
 
@@ -12,4 +13,4 @@ interrupted branch resumes from its last point. With continue_cycles.doublings t
 cycles follow. Writes cases/CASE/cycles/b000 (and d000, ...) into the store.
 """
 
-continue_cycles = stage_command(("continue_cycles",))
+continue_cycles = stage_command(("continue_cycles",), (REFINE,))

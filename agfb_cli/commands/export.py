@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agfb_cli.cases import matching
 from agfb_cli.console import Console
 from agfb_cli.errors import UsageError, explained
-from agfb_cli.inputs import beside, existing_store
+from agfb_cli.inputs import beside, existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 
 if TYPE_CHECKING:

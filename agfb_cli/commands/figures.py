@@ -8,11 +8,10 @@ from typing import Annotated
 
 import typer
 
-from agfb_cli.cases import matching
 from agfb_cli.completion import figure_formats, figure_kinds
 from agfb_cli.console import Console
 from agfb_cli.errors import UsageError, explained
-from agfb_cli.inputs import beside, existing_store
+from agfb_cli.inputs import beside, existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 from agfb_cli.surroundings import load_matplotlib
 

@@ -6,10 +6,9 @@ import shlex
 from collections.abc import Mapping
 from typing import Any
 
-from agfb_cli.cases import matching
 from agfb_cli.console import Console, table, words
 from agfb_cli.errors import explained
-from agfb_cli.inputs import existing_store
+from agfb_cli.inputs import existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 
 

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from agfb_cli.cases import matching
 from agfb_cli.console import Console, table, words
 from agfb_cli.errors import ExitCode, UsageError, explained
-from agfb_cli.inputs import existing_store
+from agfb_cli.inputs import existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 
 if TYPE_CHECKING:

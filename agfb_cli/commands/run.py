@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from agfb_cli.commands.figures import draw_beside
-from agfb_cli.commands.stage import stage_command
+from agfb_cli.commands.stage import Outcome, Request, close, stage_command
+from agfb_cli.console import Console
+from agfb_cli.options import NO_FIGURES, REFINE
 
 HELP = """Run all analyses of a case and draw the figures.
 
@@ -14,4 +16,10 @@ beside the store NAME.zarr.
 
 CHAIN = ("linearize", "criticals", "continue_cycles", "bifurcation_set")
 
-run = stage_command(CHAIN, afterwards=draw_beside)
+
+def _conclude(outcome: Outcome, request: Request, console: Console) -> None:
+    """Draw, and show everything."""
+    close(outcome, request, console, None if request.own["no_figures"] else draw_beside)
+
+
+run = stage_command(CHAIN, (REFINE, NO_FIGURES), conclude=_conclude)

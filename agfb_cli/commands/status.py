@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agfb_cli.cases import matching
 from agfb_cli.console import Console, table, words
 from agfb_cli.errors import explained
-from agfb_cli.inputs import existing_store
+from agfb_cli.inputs import existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 from agfb_cli.progress import duration
 from agfb_cli.streams import is_unread

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from agfb_cli.commands.stage import stage_command
+from agfb_cli.options import REFINE
 
 _COMMON = """
 Curves start at every bifurcation of this kind on the stored branches, and where they meet stored curves (at
@@ -16,6 +17,6 @@ NEIMARK_SACKER_HELP = (
 )
 FOLD_HELP = f"Curves of folds of cycles over two parameters.\n{_COMMON} cases/CASE/folds/c000, ...\n"
 
-track_pd = stage_command(("continue_cycles", "track_pd"))
-track_ns = stage_command(("continue_cycles", "track_ns"))
-track_folds = stage_command(("continue_cycles", "track_folds"))
+track_pd = stage_command(("continue_cycles", "track_pd"), (REFINE,))
+track_ns = stage_command(("continue_cycles", "track_ns"), (REFINE,))
+track_folds = stage_command(("continue_cycles", "track_folds"), (REFINE,))

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agfb_cli.cases import load_cases, select_cases
 from agfb_cli.commands.run import CHAIN
 from agfb_cli.completion import configurations
 from agfb_cli.console import Console, table
 from agfb_cli.errors import ExitCode, explain, explained
+from agfb_cli.inputs import load_cases, select_cases
 from agfb_cli.options import AsJson, Assignments, CasePattern, Quiet, Traceback
 
 if TYPE_CHECKING:

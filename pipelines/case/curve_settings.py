@@ -7,18 +7,18 @@ from typing import Literal
 from pydantic import ValidationInfo, field_validator
 
 from pipelines.case.fields import (
-    LONGEST_STEP,
-    STEPS,
     InconsistentError,
     Number,
+    Parameter,
     Table,
+    arclength_step,
     choice,
+    most_points,
     quantity,
     steps_in_order,
     table,
 )
 
-Parameter = Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"]
 Kind = Literal["period_doubling", "neimark_sacker", "fold"]
 Interval = tuple[Number, Number]
 
@@ -36,21 +36,10 @@ class TrackCurves(Table):
     formulation: Literal["bordered", "extended"] = choice(
         "`bordered`: one test function closes the system; `extended`: eigenvectors as unknowns", "bordered"
     )
-    step: float = quantity("first arclength step", "1", 0.02, above=0, at_most=LONGEST_STEP, because=STEPS)
-    minimum_step: float = quantity(
-        "a curve ends when a step would be shorter", "1", 1e-6, above=0, at_most=LONGEST_STEP, because=STEPS
-    )
-    maximum_step: float = quantity(
-        "longest arclength step", "1", 0.05, above=0, at_most=LONGEST_STEP, because=STEPS
-    )
-    max_points: int = quantity(
-        "a curve ends after this many points, in each of its two directions",
-        "",
-        400,
-        at_least=1,
-        at_most=100_000,
-        because="the store is laid out for them",
-    )
+    step: float = arclength_step("first arclength step", 0.02)
+    minimum_step: float = arclength_step("a curve ends when a step would be shorter", 1e-6)
+    maximum_step: float = arclength_step("longest arclength step", 0.05)
+    max_points: int = most_points("a curve ends after this many points, in each of its two directions", 400)
     max_curves: int = quantity(
         "maximum number of curves of each kind",
         "",
@@ -148,12 +137,9 @@ class BifurcationSet(Table):
         at_most=50,
         because="each round has about as many branches as the first",
     )
-    maximum_step: float = quantity(
+    maximum_step: float = arclength_step(
         "longest arclength step of these branches",
-        "1",
         0.05,
-        above=0,
-        at_most=LONGEST_STEP,
         because="a tongue narrower than a step can be missed; arclength is dimensionless",
     )
     smallest_film: float = quantity(

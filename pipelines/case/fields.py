@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import types
 from collections.abc import Iterator
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo
 from pydantic.fields import FieldInfo
@@ -42,6 +42,9 @@ ALTERNATIVES = (
 """Groups of keys that say the same thing; at most one of each is given."""
 
 Number = Annotated[float, Field(strict=True)]
+
+Parameter = Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"]
+"""What branches and curves are continued in."""
 
 LONGEST_STEP = 10.0
 STEPS = "a branch is followed in steps; arclength is dimensionless, and states and parameters are of size one"
@@ -93,6 +96,18 @@ def quantity(
         description=description,
         json_schema_extra={"unit": unit, "because": because},
         **constraints,
+    )
+
+
+def arclength_step(description: str, default: float, because: str = STEPS) -> Any:
+    """Declare the first, shortest or longest step of a continuation."""
+    return quantity(description, "1", default, above=0, at_most=LONGEST_STEP, because=because)
+
+
+def most_points(description: str, default: int) -> Any:
+    """Declare the most points of a branch or a curve."""
+    return quantity(
+        description, "", default, at_least=1, at_most=100_000, because="the store is laid out for them"
     )
 
 

@@ -8,16 +8,16 @@ from typing import Literal
 from pydantic import field_validator
 
 from pipelines.case.bearings import Excitation
-from pipelines.case.curve_settings import Parameter
 from pipelines.case.fields import (
-    LONGEST_STEP,
-    STEPS,
     Inconsistency,
     InconsistentError,
     Number,
+    Parameter,
     Table,
+    arclength_step,
     choice,
     inside_range,
+    most_points,
     parameter_range,
     quantity,
     steps_in_order,
@@ -68,26 +68,10 @@ class ContinueTori(Table):
         below=1,
         because="a torus of no size is the cycle",
     )
-    step: float = quantity("first arclength step", "1", 0.01, above=0, at_most=LONGEST_STEP, because=STEPS)
-    minimum_step: float = quantity(
-        "the branch ends when a step would be shorter",
-        "1",
-        1e-4,
-        above=0,
-        at_most=LONGEST_STEP,
-        because=STEPS,
-    )
-    maximum_step: float = quantity(
-        "longest arclength step", "1", 0.05, above=0, at_most=LONGEST_STEP, because=STEPS
-    )
-    max_points: int = quantity(
-        "a branch ends after this many points",
-        "",
-        100,
-        at_least=1,
-        at_most=100_000,
-        because="the store is laid out for them",
-    )
+    step: float = arclength_step("first arclength step", 0.01)
+    minimum_step: float = arclength_step("the branch ends when a step would be shorter", 1e-4)
+    maximum_step: float = arclength_step("longest arclength step", 0.05)
+    max_points: int = most_points("a branch ends after this many points", 100)
     tolerance: float = quantity(
         "largest error of the Fourier series of an invariant curve, largest state component",
         "1",
