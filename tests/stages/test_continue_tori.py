@@ -117,7 +117,7 @@ def _circle(path: Path, rows: Group) -> PeriodCircle:
     """The map of the stored branch."""
     job = Job.of("continue-tori", tiny_case(*FEW_ANGLES), path, lambda _: None, lambda: False)
     fixed = dict(rows.attributes["fixed"])
-    cycles = forced_cycles(job.machine, job.case.case)[1]
+    cycles = forced_cycles(job.machine, job.case)[1]
     parameters = np.array([fixed.get(name, np.nan) for name in PARAMETERS])
     return PeriodCircle(cycles.period_map, parameters, "speed", int(rows["steps_per_period"][0]))
 

@@ -103,7 +103,7 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
         rows = job.read(request.group, (*RESUMED, table.parameter)).arrays
         store_end(branch, run(resumed_state(newest, rows, table.parameter), request.direction))
         return
-    job.tell(0, table.max_points, f"{request.group}: looking for the first cycle")
+    job.report_progress(0, table.max_points, f"{request.group}: looking for the first cycle")
     failure = NoStart("no cycle was found", "")
     for found in _first_cycles(job, request, problem, Guard(recorder.limit, job.should_stop)):
         if job.should_stop():
@@ -134,7 +134,7 @@ def _progress_callback(
         )
         message += f", {state.steps} steps per period"
         message += "".join(f", {event.kind.name.lower().replace('_', ' ')}" for event in events)
-        job.tell(state.index + 1, table.max_points, f"{request.group}: {message}")
+        job.report_progress(state.index + 1, table.max_points, f"{request.group}: {message}")
 
     return told
 

@@ -52,7 +52,7 @@ def directions(case: Case) -> tuple[int, ...]:
 def _trace_doubled(job: Job, parents: list[str]) -> list[str]:
     """Branches of twice, four times, ... the period, each from a period doubling of the level before."""
     groups: list[str] = []
-    for level in range(job.case.case.continue_cycles.doublings):
+    for level in range(job.case.continue_cycles.doublings):
         found: list[str] = []
         for origin in _period_doublings(job, parents):
             if job.should_stop():
@@ -61,7 +61,7 @@ def _trace_doubled(job: Job, parents: list[str]) -> list[str]:
                 continue
             groups.append(f"cycles/d{len(groups):03d}")
             found.append(groups[-1])
-            trace_branch(job, BranchRequest(groups[-1], job.case.case, turns=2 ** (level + 1), origin=origin))
+            trace_branch(job, BranchRequest(groups[-1], job.case, turns=2 ** (level + 1), origin=origin))
         parents = found
     return groups
 
@@ -81,7 +81,7 @@ def _ends_at(job: Job, groups: list[str], origin: Origin) -> bool:
     """Whether one of the doubled branches has come back to this period doubling: it lies within the last step
     of that branch.
     """
-    parameter = job.case.case.continue_cycles.parameter
+    parameter = job.case.continue_cycles.parameter
     there = float(job.read(origin.group, (f"event_{parameter}",))[f"event_{parameter}"][origin.event])
     for group in groups:
         branch = job.read(group, (parameter, "arclength"))
@@ -96,7 +96,7 @@ def _ends_at(job: Job, groups: list[str], origin: Origin) -> bool:
 
 def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
     """How the branches of a case ended: the case is well when all of them are."""
-    parameter = job.case.case.continue_cycles.parameter
+    parameter = job.case.continue_cycles.parameter
     names = ("event_kind", f"event_{parameter}", step_errors.STEP_ERROR)
     branches, trees = (
         [job.read(group, names) for group in groups],
@@ -116,7 +116,7 @@ def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
     # two branches that end alike say so once
     sentences = "; ".join(dict.fromkeys(filter(None, advice)))
     doubt = step_errors.caution(unknown)
-    return StageResult(job.case.case_id, ok, ", ".join(reasons), sentences, told, caution=doubt)
+    return StageResult(job.case_id, ok, ", ".join(reasons), sentences, told, caution=doubt)
 
 
 def _events_summary(arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any]) -> dict[str, str]:

@@ -49,10 +49,10 @@ def continue_tori(case: NamedCase, store_path: Path, report: Report, should_stop
 
 def _refusal(job: Job) -> StageResult | None:
     """Why there is nothing to follow in this store."""
-    table = job.case.case.continue_tori
+    table = job.case.continue_tori
     if table.origin == "neimark_sacker" and table.branch not in job.groups("cycles"):
         return StageResult(
-            job.case.case_id,
+            job.case_id,
             False,
             f"the store has no branch {table.branch}",
             "run `agfb continue-cycles` with the same store first, or name another continue_tori.branch",
@@ -62,7 +62,7 @@ def _refusal(job: Job) -> StageResult | None:
 
 def _sources(job: Job) -> Iterator[TorusSource]:
     """Where the branches of a case begin, in order."""
-    table = job.case.case.continue_tori
+    table = job.case.continue_tori
     if table.origin == "unbalance":
         for direction in DIRECTIONS[table.direction]:
             yield unbalanced_tori(job, direction)
@@ -80,7 +80,7 @@ def _sources(job: Job) -> Iterator[TorusSource]:
 
 def _result(job: Job, groups: list[str]) -> StageResult:
     """How the branches of a case ended: the case is well when all of them are."""
-    case_id, table = job.case.case_id, job.case.case.continue_tori
+    case_id, table = job.case_id, job.case.continue_tori
     if not groups and not job.should_stop():
         low, high = table.range
         where = f"{table.branch} has no Neimark-Sacker point with {table.parameter} in [{low:g}, {high:g}]"
