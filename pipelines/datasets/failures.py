@@ -1,4 +1,4 @@
-"""Why a stage failed on a case: told by the case's attributes until that stage succeeds.
+"""Why a stage failed on a case: kept in the case's attributes until that stage succeeds.
 
 A process that was killed cannot say why, and messages on a terminal are gone. So the driver of a run, which
 hears of every end, writes it down: one atomic replace of the case's ``zarr.json``. A case without failures
@@ -28,8 +28,8 @@ class Failure:
 
 def read_failures(store: Store, case: str) -> list[Failure]:
     """What the last run of each stage on a case failed for, sorted by stage; raises StoreError."""
-    told = read_group_metadata(store.path, f"cases/{case}", CASE).attributes.get(FAILURES, {})
-    return [Failure(case, stage, **why) for stage, why in sorted(told.items())]
+    failed = read_group_metadata(store.path, f"cases/{case}", CASE).attributes.get(FAILURES, {})
+    return [Failure(case, stage, **why) for stage, why in sorted(failed.items())]
 
 
 def record_failure(store: Store, failure: Failure) -> None:
@@ -49,11 +49,11 @@ def _replace(store: Store, case: str, stage: str, why: Mapping[str, str] | None)
         metadata = read_group_metadata(store.path, group, CASE)
         sweep_partials(metadata.folder, below=False)
         attributes = dict(metadata.attributes)
-        told = {name: each for name, each in attributes.pop(FAILURES, {}).items() if name != stage}
+        failed = {name: each for name, each in attributes.pop(FAILURES, {}).items() if name != stage}
         if why is not None:
-            told[stage] = why
-        if told:
-            attributes[FAILURES] = told
+            failed[stage] = why
+        if failed:
+            attributes[FAILURES] = failed
         if attributes != metadata.attributes:
             content = encode_group(CASE, attributes)
             replace_file(metadata.folder / METADATA, content, durable=store.durable)

@@ -46,7 +46,7 @@ class GroupState:
 
 
 @dataclass(frozen=True)
-class Progress:
+class GroupTotals:
     """What there is of a case or of several: the number of groups by state, and of their rows ``points`` of
     at most ``capacity``; ``state`` is ``running`` or ``interrupted`` if a group is, else ``ended``, and
     ``not begun`` without any group; ``age`` [s] of the newest commit, None without any.
@@ -101,11 +101,11 @@ def _states(path: Path, moment: float) -> list[GroupState]:
     return found
 
 
-def progress(states: Sequence[GroupState]) -> Progress:
+def totals(states: Sequence[GroupState]) -> GroupTotals:
     """The sum of some groups, for instance those of a case."""
     found = [state.state for state in states]
     begun = next((name for name in (RUNNING, INTERRUPTED, ENDED) if name in found), NOT_BEGUN)
-    return Progress(
+    return GroupTotals(
         begun,
         found.count(RUNNING),
         found.count(INTERRUPTED),

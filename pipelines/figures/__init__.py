@@ -6,5 +6,5 @@
 - machine_drawing, linearization, campbell, condensation: the machine and its linear behaviour
 - bifurcation_diagram, bifurcation_tree, multipliers, orbits, refinement: branches of cycles
 - stability_map, map_sets, resonance_lines: bifurcation sets in the plane
-- response_envelope, run_motion, tori: runs in time and tori
+- response_envelope, run_motion, tori: transients and tori
 """

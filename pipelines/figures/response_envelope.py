@@ -1,4 +1,4 @@
-"""Envelopes of runs in time: over the branches of stored cycles, of several cases below each other, and of
+"""Envelopes of transients: over the branches of stored cycles, of several cases below each other, and of
 several unbalances together.
 """
 

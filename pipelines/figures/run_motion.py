@@ -1,4 +1,4 @@
-"""What a run in time does: waterfall, spectrum, Poincare points and energies of the rotor's modes."""
+"""Motion of a transient: waterfall, spectrum, Poincare points and energies of the rotor's modes."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def draw_spectrum(case: CaseView, run: RunView) -> Figure:
     panels[-1].set_xlabel(FREQUENCY_LABEL)
     add_top(panels[0], case.scales.hertz, "frequency [Hz]")
     style.legend_below(figure, panels[0].get_legend_handles_labels()[0], 4)
-    return style.finish(figure, f"{case.name}: spectrum of {run.title}{_told(run)}", case.note)
+    return style.finish(figure, f"{case.name}: spectrum of {run.title}{_motion_in_title(run)}", case.note)
 
 
 def _frequencies(run: RunView) -> dict[str, tuple[float, str]]:
@@ -97,7 +97,7 @@ def _frequencies(run: RunView) -> dict[str, tuple[float, str]]:
     return lines
 
 
-def _told(run: RunView) -> str:
+def _motion_in_title(run: RunView) -> str:
     return f": {run.motion}" if run.motion else ""
 
 
@@ -146,7 +146,7 @@ def _draw_orbit(axes: Axes, run: RunView, bearing: int) -> None:
 
 
 def _evidence(run: RunView) -> str:
-    """The kind of motion and what it is told from."""
+    """The kind of motion and its evidence."""
     if not run.motion:
         reason = f"motion not judged: {run.skipped.get('motion', 'no reason stored')}"
         return "\n".join(wrap(reason, EVIDENCE_WIDTH))
@@ -154,8 +154,8 @@ def _evidence(run: RunView) -> str:
         return run.motion
     returns = ", ".join(f"{value:.2g}" for value in run.analysis["return_distance"][0])
     chaos = float(run.analysis["chaos"][0])
-    told = run.motion + (f", 0–1 test {chaos:.2f}" if np.isfinite(chaos) else "")
-    return f"{told}\nreturns after 1, 2, 4, 8 periods: {returns}"
+    text = run.motion + (f", 0–1 test {chaos:.2f}" if np.isfinite(chaos) else "")
+    return f"{text}\nreturns after 1, 2, 4, 8 periods: {returns}"
 
 
 @style.in_style

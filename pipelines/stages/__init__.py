@@ -1,6 +1,6 @@
 """Stages: a case in, groups of a store out; and the scheduling of many cases.
 
-- results: what a stage tells while it runs and when it ends
+- results: progress and result of a stage
 - job: a case with its machine and its store
 - parameter_columns: parameters of a solution as columns, and back
 - step_errors: points whose error by the time steps is unknown
@@ -8,7 +8,7 @@
 - linear: `agfb linearize` and `agfb criticals`
 - cycles: `agfb continue-cycles`: branches of cycles
 - curves: `agfb track-pd`, `track-ns`, `track-folds`, and the search of `agfb run` for the whole set
-- transients: `agfb transient`: runs in time and their analysis
+- transients: `agfb transient`: time integration and its analysis
 - tori: `agfb continue-tori`: branches of tori
 - refinement: `--refine`: discretisation errors of bifurcations
 - calibration: `agfb calibrate`

@@ -1,4 +1,4 @@
-"""What a stage tells while it runs and when it ends: plain data, so that it crosses process borders."""
+"""Progress and result of a stage: plain data, so that it crosses process borders."""
 
 from __future__ import annotations
 

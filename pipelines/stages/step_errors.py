@@ -1,6 +1,4 @@
-"""Points whose error by the time steps is unknown: how many, and what a stage, a list or a report tells of
-them.
-"""
+"""Points whose error by the time steps is unknown: their number in words, and a caution."""
 
 from __future__ import annotations
 
@@ -40,11 +38,11 @@ def count_in(store: Store, groups: Iterable[str]) -> Count:
     return count(read_group(store, group, (STEP_ERROR,)) for group in held)
 
 
-def told(found: Count) -> str:
+def in_words(found: Count) -> str:
     """``for 3 of 20 points``; empty where the errors of all are known."""
     return "for {} of {} points".format(*found) if found[0] else ""
 
 
 def caution(found: Count) -> str:
     """The same as a sentence with reason and advice."""
-    return f"{NAME} {told(found)}: {ADVICE}" if found[0] else ""
+    return f"{NAME} {in_words(found)}: {ADVICE}" if found[0] else ""

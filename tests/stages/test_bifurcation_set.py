@@ -96,7 +96,7 @@ def test_an_interrupted_search_resumes_to_the_same_bytes(searched: Path, tmp_pat
     assert compare_trees(searched, path) == []
     assert verify(path) == []
     again = Watched("bifurcation_set", tiny_case(*WINDOW), path)
-    assert again.told == []
+    assert again.reported == []
 
 
 def test_rounds_halve_the_cells(searched: Path) -> None:

@@ -4,5 +4,5 @@
 - targets: what a machine reaches of the targets
 - onset_speed: the lowest speed of instability
 - fit: bounded least squares
-- report: what a stored calibration tells
+- report: the result of a stored calibration
 """

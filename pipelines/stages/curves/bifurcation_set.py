@@ -291,5 +291,5 @@ def _result(job: Job, lines: list[Line], complete: bool) -> StageResult:
     sentence = covered(lines, complete)
     ok = all(result.ok for result in results.values())
     doubt = step_errors.caution(step_errors.count_in(job.store, map(job.path, job.groups(*results))))
-    told = "; ".join(filter(None, advice))
-    return StageResult(job.case_id, ok, sentence, told, summary, caution=doubt)
+    sentences = "; ".join(filter(None, advice))
+    return StageResult(job.case_id, ok, sentence, sentences, summary, caution=doubt)

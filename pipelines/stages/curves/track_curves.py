@@ -177,15 +177,15 @@ def curve_options(job: Job, direction: int) -> CurveOptions:
 def _progress_callback(
     job: Job, start: Start, group: str
 ) -> Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None]:
-    """What is told of every recorded point."""
+    """The report of every recorded point."""
     limit, names = job.case.track_curves.max_points, start.problem.names
 
-    def told(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
+    def report_point(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
         where = ", ".join(f"{name} {value:.5g}" for name, value in zip(names, state.parameters, strict=True))
         found = "".join(f", {special.kind.name.lower().replace('_', ' ')}" for special in specials)
         job.report_progress(state.index + 1, limit, f"{group}: {where}{found}")
 
-    return told
+    return report_point
 
 
 def curves_result(job: Job, kind: EventKind, outside: int = 0, refused: int = 0) -> StageResult:
@@ -204,7 +204,7 @@ def curves_result(job: Job, kind: EventKind, outside: int = 0, refused: int = 0)
     if outside:
         summary["starts outside the plane"] = outside
     unknown = step_errors.count(curves)
-    if where := step_errors.told(unknown):
+    if where := step_errors.in_words(unknown):
         summary[step_errors.NAME] = where
     reasons = [curve.attributes["stop_reason"] for curve in curves if curve.attributes["stop_reason"]]
     if job.should_stop():

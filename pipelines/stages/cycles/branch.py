@@ -18,7 +18,7 @@ from pipelines.stages.cycles.rows import (
     EVENT_NAMES,
     RESUMED,
     BranchRecorder,
-    branch_sizes,
+    cycle_sizes,
     resumed_state,
     static_arrays,
     stored_event,
@@ -77,7 +77,7 @@ def trace_branch(job: Job, request: BranchRequest) -> None:
     Raises what `open_branch` raises.
     """
     problem = request_problem(job, request)
-    sizes = branch_sizes(job.machine, request.case, problem)
+    sizes = cycle_sizes(job.machine, request.case, problem)
     static = static_arrays(job.machine, request.case, problem)
     with open_branch(
         job.store, job.path(request.group), "cycles", sizes, static, request.attributes()
@@ -125,10 +125,10 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
 def _progress_callback(
     job: Job, request: BranchRequest
 ) -> Callable[[BranchPoint, BranchState, tuple[Event, ...]], None]:
-    """What is told of every recorded point."""
+    """The report of every recorded point."""
     table = request.case.continue_cycles
 
-    def told(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
+    def report_point(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
         message = (
             f"{table.parameter} {state.parameter:.5g}, largest multiplier {abs(state.multipliers[0]):.4f}"
         )
@@ -136,7 +136,7 @@ def _progress_callback(
         message += "".join(f", {event.kind.name.lower().replace('_', ' ')}" for event in events)
         job.report_progress(state.index + 1, table.max_points, f"{request.group}: {message}")
 
-    return told
+    return report_point
 
 
 def _first_cycles(

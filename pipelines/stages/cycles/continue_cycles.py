@@ -102,21 +102,21 @@ def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
         [job.read(group, names) for group in groups],
         [job.read(group, names) for group in doubled],
     )
-    told: dict[str, Any] = {"points": sum(branch.n_points for branch in branches)}
+    summary: dict[str, Any] = {"points": sum(branch.n_points for branch in branches)}
     if trees:
-        told["doubled branches"] = len(trees)
+        summary["doubled branches"] = len(trees)
     for branch in branches + trees:
-        told |= _events_summary(branch.arrays, parameter, told)
+        summary |= _events_summary(branch.arrays, parameter, summary)
     unknown = step_errors.count(branches + trees)
-    if where := step_errors.told(unknown):
-        told[step_errors.NAME] = where
+    if where := step_errors.in_words(unknown):
+        summary[step_errors.NAME] = where
     reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
     advice = [branch.attributes["stop_advice"] for branch in branches + trees]
     ok = all(is_success(branch, COMPLETE) for branch in branches + trees)
     # two branches that end alike say so once
     sentences = "; ".join(dict.fromkeys(filter(None, advice)))
     doubt = step_errors.caution(unknown)
-    return StageResult(job.case_id, ok, ", ".join(reasons), sentences, told, caution=doubt)
+    return StageResult(job.case_id, ok, ", ".join(reasons), sentences, summary, caution=doubt)
 
 
 def _events_summary(arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any]) -> dict[str, str]:

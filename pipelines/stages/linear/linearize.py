@@ -84,7 +84,7 @@ def reference_parameters(case: Case) -> Array:
 def _missing(
     machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]], known: Mapping[int, str]
 ) -> list[str]:
-    """What is told of the speeds without equilibrium; the reasons that are not ``known`` are found again."""
+    """Entries of the speeds without equilibrium; the reasons that are not ``known`` are found again."""
     speeds, states = rows["speed"], rows["state"]
     missing = []
     for index in np.flatnonzero(~np.isfinite(states).all(axis=1)):
@@ -92,7 +92,7 @@ def _missing(
         if reason is None:
             guess = states[index - 1] if index > 0 and np.isfinite(states[index - 1]).all() else None
             reason = equilibrium_along(machine, parameters, speeds, int(index), guess).reason
-        missing.append(missing_speeds.told(float(speeds[index]), reason))
+        missing.append(missing_speeds.entry(float(speeds[index]), reason))
     return missing
 
 
@@ -103,8 +103,8 @@ def _finish(branch: BranchWriter, missing: list[str], instability: dict[str, Any
     hidden = instability.get("instability_between")
     if hidden is not None and reason == missing_speeds.SOME_MISSING:
         reason, advice = HIDDEN, f"it begins between the speeds {hidden[0]:.4g} and {hidden[1]:.4g}; {advice}"
-    told = {missing_speeds.ATTRIBUTE: missing} if missing else {}
-    branch.finish(reason, advice, **({"instability_speed": None} | instability | told))
+    attribute = {missing_speeds.ATTRIBUTE: missing} if missing else {}
+    branch.finish(reason, advice, **({"instability_speed": None} | instability | attribute))
 
 
 def _sizes(machine: Machine, case: Case) -> dict[str, int]:
@@ -222,5 +222,5 @@ def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
     missing = attributes.get(missing_speeds.ATTRIBUTE, [])
     if missing:
         summary["without equilibrium"] = missing_speeds.named(missing)
-    ok = attributes["stop_reason"] in missing_speeds.WELL
+    ok = attributes["stop_reason"] in missing_speeds.SUCCESSFUL
     return StageResult(case_id, ok, attributes["stop_reason"], attributes["stop_advice"], summary)

@@ -106,16 +106,16 @@ def torus_options(job: Job, direction: int) -> TorusOptions:
 
 
 def _progress_callback(job: Job, group: str) -> Callable[[TorusPoint, TorusState], None]:
-    """What is told of every recorded torus."""
+    """The report of every recorded torus."""
     table = job.case.continue_tori
 
-    def told(point: TorusPoint, state: TorusState) -> None:
+    def report_point(point: TorusPoint, state: TorusState) -> None:
         message = f"{table.parameter} {state.parameter:.5g}, rotation {state.rotation / (2.0 * math.pi):.5f}"
         known = "stable" if point.stable else "unstable"
         message += f", {point.torus.count} angles, {known if point.spectrum.decided else 'undecided'}"
         job.report_progress(state.index + 1, table.max_points, f"{group}: {message}")
 
-    return told
+    return report_point
 
 
 def _end(branch: BranchWriter, source: TorusSource, result: TorusResult) -> None:

@@ -90,12 +90,15 @@ def _result(job: Job, groups: list[str]) -> StageResult:
         )
         return StageResult(case_id, False, f"no tori to follow: {where}", advice)
     branches = [job.read(group, (table.parameter, "unstable_count")) for group in groups]
-    told: dict[str, Any] = {"branches": len(branches), "points": sum(branch.n_points for branch in branches)}
+    summary: dict[str, Any] = {
+        "branches": len(branches),
+        "points": sum(branch.n_points for branch in branches),
+    }
     counts = np.concatenate([branch["unstable_count"] for branch in branches]) if branches else np.zeros(0)
-    told["unstable points"] = int(np.sum(counts > 0))
+    summary["unstable points"] = int(np.sum(counts > 0))
     if undecided := int(np.sum(counts == UNDECIDED)):
-        told["undecided points"] = undecided
+        summary["undecided points"] = undecided
     reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
     advice = "; ".join(dict.fromkeys(filter(None, (b.attributes["stop_advice"] for b in branches))))
     ok = all(is_success(branch, COMPLETE) for branch in branches)
-    return StageResult(case_id, ok, ", ".join(reasons) or "stopped on request", advice, told)
+    return StageResult(case_id, ok, ", ".join(reasons) or "stopped on request", advice, summary)

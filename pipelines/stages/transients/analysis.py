@@ -1,4 +1,4 @@
-"""What the samples of a run in time tell, written beside the run when it has ended."""
+"""Analysis of the samples of a transient, written beside it when it has ended."""
 
 from __future__ import annotations
 
