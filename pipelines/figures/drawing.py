@@ -72,19 +72,23 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
 ALL_KINDS = (*FIGURE_KINDS, *JOINT_KINDS)
 
 
+def _ignore(message: str) -> None:
+    """Notify nobody."""
+
+
 def draw_figures(
     store: Store | Path | str,
     output_folder: Path | str,
     formats: Sequence[str] = ("png",),
     cases: str = "*",
     kinds: Collection[str] | None = None,
-    report: Notify | None = None,
+    notify: Notify = _ignore,
 ) -> list[Path]:
     """Draw the figures of a store and give the files written, ``<output_folder>/<case>/<figure>.<format>``;
     those of several cases together are ``<output_folder>/<figure>.<format>``.
 
     ``cases`` is a glob over case ids; ``kinds`` chooses among ``ALL_KINDS`` (all when None). A figure
-    whose data are not in the store is left out, and ``report`` is told why if it was chosen: once for each
+    whose data are not in the store is left out; if it was chosen, ``notify`` gets the reason once for each
     kind of group that is missing. One whose branch has no point yet says so in the picture. The store may
     still be written meanwhile. A damaged group is left out too, and raised when everything else is drawn.
 
@@ -92,7 +96,6 @@ def draw_figures(
     that cannot be read, OSError where the files cannot be written.
     """
     _refuse_unknown("format", formats, style.FORMATS)
-    notify = report if report is not None else _say_nothing
     written: list[Path] = []
     damaged: list[StoreError] = []
     for stem, plan in _planned(store, cases, kinds, notify, damaged):
@@ -112,14 +115,14 @@ def draw_one_figure(
     path: Path,
     cases: str = "*",
     kinds: Collection[str] | None = None,
-    report: Notify | None = None,
+    notify: Notify = _ignore,
 ) -> Path:
     """Draw the only figure that the cases and kinds leave into a file, whose suffix is the format.
 
     Raises ValueError where they leave none or several; else as `draw_figures`.
     """
     damaged: list[StoreError] = []
-    plans = list(_planned(store, cases, kinds, report if report is not None else _say_nothing, damaged))
+    plans = list(_planned(store, cases, kinds, notify, damaged))
     if damaged:
         raise damaged[0]
     if len(plans) != 1:
@@ -133,10 +136,6 @@ def draw_one_figure(
         return style.save_figure(plan.draw(), path)
     except MissingDataError as missing:
         raise ValueError(f"{stem} cannot be drawn: {missing}") from missing
-
-
-def _say_nothing(message: str) -> None:
-    """A report that nobody reads."""
 
 
 def _refuse_unknown(what: str, given: Collection[str], allowed: Sequence[str]) -> None:
@@ -167,11 +166,9 @@ def _planned(
     if joint and (asked or len(chosen) > 1):
         needed = {group for kind in joint for group in JOINT_KINDS[kind]}
         # a group that cannot be read was told with the figures of its case, if there are any
-        read = [
-            read_case(opened, case, needed, notify if asked else _say_nothing, damaged) for case in chosen
-        ]
+        read = [read_case(opened, case, needed, notify if asked else _ignore, damaged) for case in chosen]
         found = [case for case in read if case is not None]
-        for plan in joint_plans(found, joint, notify if asked else _say_nothing):
+        for plan in joint_plans(found, joint, notify if asked else _ignore):
             yield Path(plan.stem), plan
 
 
