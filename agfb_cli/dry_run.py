@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def make_plan(stages: Sequence[str], cases: Sequence[NamedCase], store: Path | None) -> list[Planned]:
     """The plan of the stages on the cases; without a store if they start afresh.
 
-    Raises UsageError for a run in time that cannot start, StoreError for a damaged store.
+    Raises UsageError for a transient that cannot start, StoreError for a damaged store.
     """
     from pipelines.stages.scheduling.plan import plan
     from pipelines.stages.transients.start import CannotRunError

@@ -47,17 +47,17 @@ class Program(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words before the command."""
         ctx.meta[ASKED_FOR_JSON] = "--json" in args
-        with told(ctx.meta[ASKED_FOR_JSON]):
+        with usage_errors_as_json(ctx.meta[ASKED_FOR_JSON]):
             return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Parse the command and its words, and run it."""
-        with told(ctx.meta[ASKED_FOR_JSON]):
+        with usage_errors_as_json(ctx.meta[ASKED_FOR_JSON]):
             return super().invoke(ctx)
 
 
 @contextmanager
-def told(asked: bool) -> Iterator[None]:
+def usage_errors_as_json(asked: bool) -> Iterator[None]:
     """Write a passing usage error as JSON too, if requested."""
     try:
         yield

@@ -71,7 +71,7 @@ def show(content: Mapping[str, Any], console: Console) -> None:
             if (error := state.get("condensation_error")) is not None:
                 reason += f", condensation error {error:.2g}"
             unknown = state["points_without_step_error"], state["n_points"] or 0
-            if where := step_errors.told(unknown):
+            if where := step_errors.in_words(unknown):
                 reason += f", {step_errors.NAME} {where}"
             for caution in filter(None, (state.get("caution"), step_errors.caution(unknown))):
                 console.message(f"caution: {name} {group}: {caution}")

@@ -144,7 +144,7 @@ def unknown_step_errors(store: StoreOnDisk, case: str) -> tuple[int, int]:
 
 def as_json(ranges: OperatingRange) -> dict[str, Any]:
     """Attributes and boundary of a range; what is not known is null."""
-    rows = [ranges.told(boundary) for boundary in ranges.boundaries]
+    rows = [ranges.boundary_data(boundary) for boundary in ranges.boundaries]
     for row, caution in zip(rows, ranges.caution, strict=True):
         row["caution"] = caution
     return {**ranges.attributes(), "boundary": rows}

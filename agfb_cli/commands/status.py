@@ -19,7 +19,7 @@ from agfb_cli.streams import is_unread
 
 if TYPE_CHECKING:
     from pipelines.datasets.failures import Failure
-    from pipelines.datasets.watching import GroupState, Progress
+    from pipelines.datasets.watching import GroupState, GroupTotals
 
 Watch = Annotated[
     float | None,
@@ -30,7 +30,7 @@ Watch = Annotated[
 
 
 @dataclass(frozen=True)
-class Look:
+class Snapshot:
     """The state of a store at one moment.
 
     The commands that compute, progress by case, the groups of each case, and every stage that failed and has
@@ -38,9 +38,9 @@ class Look:
     """
 
     commands: list[str]
-    cases: Mapping[str, Progress]
+    cases: Mapping[str, GroupTotals]
     groups: list[GroupState]
-    total: Progress
+    total: GroupTotals
     failures: list[Failure]
 
     @property
@@ -79,7 +79,7 @@ def status(
     with explained(console):
         path = existing_store(store)
         while True:
-            seen = look(path, case)
+            seen = snapshot(path, case)
             if json:
                 console.json_data({"store": str(path), **seen.as_dict()}, 2 if watch is None else None)
             else:
@@ -89,23 +89,23 @@ def status(
             time.sleep(watch)
 
 
-def look(path: Path, pattern: str | None) -> Look:
+def snapshot(path: Path, pattern: str | None) -> Snapshot:
     """The state of the chosen cases of a store."""
     from pipelines.datasets.failures import read_failures
     from pipelines.datasets.reading import list_cases
     from pipelines.datasets.store import open_for_reading
-    from pipelines.datasets.watching import commands, progress, watch
+    from pipelines.datasets.watching import commands, totals, watch
 
     alive = commands(path)  # before the groups: a command that ends in between is looked at once more
     opened = open_for_reading(path)
     chosen = matching(list_cases(opened), pattern)
     groups = [state for state in watch(path) if state.case in chosen]
-    cases = {name: progress([state for state in groups if state.case == name]) for name in chosen}
+    cases = {name: totals([state for state in groups if state.case == name]) for name in chosen}
     failures = [failure for name in chosen for failure in read_failures(opened, name)]
-    return Look(alive, cases, groups, progress(groups), failures)
+    return Snapshot(alive, cases, groups, totals(groups), failures)
 
 
-def show(seen: Look, console: Console) -> None:
+def show(seen: Snapshot, console: Console) -> None:
     """Show a line for each case and for groups that need attention (all with -v), and the sums."""
     if len(seen.cases) > 1:
         rows = [(name, case.state, case.ended, *_counts(case)) for name, case in seen.cases.items()]
@@ -151,7 +151,7 @@ def groups(states: list[GroupState], everything: bool) -> list[tuple[object, ...
     return rows
 
 
-def _counts(case: Progress) -> tuple[object, object]:
+def _counts(case: GroupTotals) -> tuple[object, object]:
     """Points and age of a case; neither of one that has not begun."""
     if case.age is None:
         return None, None

@@ -21,11 +21,11 @@ from pipelines.bifurcations.branch import (
     BranchState,
     BranchStop,
     ContinuationOptions,
-    Limit,
-    Record,
 )
 from pipelines.bifurcations.continuation import (
     STEP_GROWTH,
+    Limit,
+    Record,
     Rejected,
     Tracer,
     adapted_length,
@@ -73,8 +73,8 @@ def continue_branch(
     problem: CycleProblem,
     start: BranchStart | BranchState,
     options: ContinuationOptions,
-    record: Record,
-    limit: Limit | None = None,
+    record: Record[BranchPoint, BranchState, Event],
+    limit: Limit[BranchPoint] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> BranchResult:
     """Trace a branch of cycles from a guess, or resume it from a recorded state.

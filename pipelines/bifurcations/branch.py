@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
 from pipelines.bifurcations.continuation import Result, ResumableState, validate_stepping
-from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind
+from pipelines.bifurcations.detection import DetectionOptions, EventKind
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle, Unknowns
 from pipelines.orbits.system import Matrix, Vector
@@ -144,5 +143,3 @@ class BranchPoint:
 
 
 BranchResult = Result[BranchState]
-Record = Callable[[BranchPoint, BranchState, tuple[Event, ...]], None]
-Limit = Callable[[BranchPoint], str | None]

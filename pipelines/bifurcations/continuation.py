@@ -94,6 +94,13 @@ def one_history(
 State = TypeVar("State", bound="ResumableState")
 Accepted = TypeVar("Accepted", bound="Step")
 Correction = TypeVar("Correction")
+Recorded = TypeVar("Recorded")
+Found = TypeVar("Found")
+
+Record = Callable[[Recorded, State, tuple[Found, ...]], None]
+"""Takes every accepted point, the state that resumes behind it, and the bifurcations found before it."""
+Limit = Callable[[Recorded], str | None]
+"""Says why a branch ends before a point that is beyond a limit of the caller's; None where it does not."""
 
 
 @dataclass(frozen=True)
@@ -172,8 +179,8 @@ class Tracer(ABC, Generic[State, Accepted]):
 def follow(
     tracer: Tracer[State, Accepted],
     start: Any,
-    record: Callable[[Any, State, tuple[Any, ...]], None],
-    limit: Callable[[Any], str | None] | None = None,
+    record: Record[Any, State, Any],
+    limit: Limit[Any] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Result[State]:
     """Trace a curve from a guess, or resume it from a recorded state (a `ResumableState`).

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 
@@ -251,5 +250,3 @@ class SpecialPoint:
 
 
 CurveResult = Result[CurveState]
-CurveRecord = Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None]
-CurveLimit = Callable[[CurvePoint], str | None]

@@ -17,6 +17,8 @@ import numpy as np
 from pipelines.bifurcations.acceptance import StepRule, refusal
 from pipelines.bifurcations.continuation import (
     STEP_GROWTH,
+    Limit,
+    Record,
     Rejected,
     Tracer,
     adapted_length,
@@ -29,10 +31,8 @@ from pipelines.bifurcations.continuation import (
 from pipelines.bifurcations.critical.correction import CurveConstraint, CurveCorrection
 from pipelines.bifurcations.critical.corrector import correct_critical
 from pipelines.bifurcations.curve import (
-    CurveLimit,
     CurveOptions,
     CurvePoint,
-    CurveRecord,
     CurveResult,
     CurveStart,
     CurveState,
@@ -72,8 +72,8 @@ def continue_curve(
     problem: CurveProblem,
     start: CurveStart | CurveState,
     options: CurveOptions,
-    record: CurveRecord,
-    limit: CurveLimit | None = None,
+    record: Record[CurvePoint, CurveState, SpecialPoint],
+    limit: Limit[CurvePoint] | None = None,
     should_stop: Callable[[], bool] | None = None,
     traced: Mapping[str, KnownCurve] | None = None,
     own: KnownCurve | None = None,

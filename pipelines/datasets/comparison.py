@@ -265,8 +265,8 @@ def _events(
         pairs = list(zip(*linear_sum_assignment(apart.max(axis=2)), strict=True))
         for a, b in pairs:
             change = points[1][rows[1][b]] - points[0][rows[0][a]]
-            told = dict(zip(spec.coordinates, change.tolist(), strict=True))
-            one = EventMatch(str(kind), int(rows[0][a]), int(rows[1][b]), told, float(apart[a, b].max()))
+            changes = dict(zip(spec.coordinates, change.tolist(), strict=True))
+            one = EventMatch(str(kind), int(rows[0][a]), int(rows[1][b]), changes, float(apart[a, b].max()))
             matches.append(one)
         for store, which in (("first", 0), ("second", 1)):
             left = sorted(set(range(len(rows[which]))) - {int(pair[which]) for pair in pairs})

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 Array = NDArray[np.float64]
 
-CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
+CURVE_CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
 FINISHED = frozenset(
     {"closed", "range", "resonance_1", "resonance_2", "traced"}
 )  # reasons after which nothing is missing

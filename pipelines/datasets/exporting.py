@@ -123,16 +123,16 @@ def _netcdf(store: Store, name: str, names: Sequence[str]) -> bytes:
     dataset = xarray.Dataset(attrs=_plain(group.attributes))
     for array, values in group.arrays.items():
         spec = _spec(group, array)
-        told: dict[str, Any] = {"long_name": spec.long_name, "units": spec.units}
+        attributes: dict[str, Any] = {"long_name": spec.long_name, "units": spec.units}
         if spec.flags:
-            del told["units"]
-            told["flag_values"] = np.arange(-1, len(spec.flags), dtype=np.int8)
-            told["flag_meanings"] = " ".join(("unset", *spec.flags))
+            del attributes["units"]
+            attributes["flag_values"] = np.arange(-1, len(spec.flags), dtype=np.int8)
+            attributes["flag_meanings"] = " ".join(("unset", *spec.flags))
         if np.iscomplexobj(values):
-            dataset[f"{array}_real"] = (spec.dimensions, values.real, told)
-            dataset[f"{array}_imag"] = (spec.dimensions, values.imag, told)
+            dataset[f"{array}_real"] = (spec.dimensions, values.real, attributes)
+            dataset[f"{array}_imag"] = (spec.dimensions, values.imag, attributes)
         else:
-            dataset[array] = (spec.dimensions, values, told)
+            dataset[array] = (spec.dimensions, values, attributes)
     return bytes(dataset.to_netcdf(engine="scipy"))
 
 

@@ -28,8 +28,8 @@ class Failure:
 
 def read_failures(store: Store, case: str) -> list[Failure]:
     """The reason of every stage that failed in its last run on a case, sorted by stage; raises StoreError."""
-    told = read_group_metadata(store.path, f"cases/{case}", CASE).attributes.get(FAILURES, {})
-    return [Failure(case, stage, **why) for stage, why in sorted(told.items())]
+    failed = read_group_metadata(store.path, f"cases/{case}", CASE).attributes.get(FAILURES, {})
+    return [Failure(case, stage, **why) for stage, why in sorted(failed.items())]
 
 
 def record_failure(store: Store, failure: Failure) -> None:
@@ -49,11 +49,11 @@ def _replace(store: Store, case: str, stage: str, why: Mapping[str, str] | None)
         metadata = read_group_metadata(store.path, group, CASE)
         sweep_partials(metadata.folder, below=False)
         attributes = dict(metadata.attributes)
-        told = {name: each for name, each in attributes.pop(FAILURES, {}).items() if name != stage}
+        failed = {name: each for name, each in attributes.pop(FAILURES, {}).items() if name != stage}
         if why is not None:
-            told[stage] = why
-        if told:
-            attributes[FAILURES] = told
+            failed[stage] = why
+        if failed:
+            attributes[FAILURES] = failed
         if attributes != metadata.attributes:
             content = encode_group(CASE, attributes)
             replace_file(metadata.folder / METADATA, content, durable=store.durable)

@@ -137,7 +137,7 @@ def _describe_case(store: Store, case: str) -> dict[str, Any]:
     return {"name": attributes.get("name", case), "groups": groups, "failures": attributes.get(FAILURES, {})}
 
 
-_TOLD = ("condensation_error", "caution")  # by `agfb criticals`
+_CONDENSATION = ("condensation_error", "caution")  # by `agfb criticals`
 
 
 def _describe_group(store: Store, group: str) -> dict[str, Any]:
@@ -145,6 +145,10 @@ def _describe_group(store: Store, group: str) -> dict[str, Any]:
     attributes = metadata.attributes
     row = KINDS[metadata.kind].row
     keys = ("status", "stop_reason", "stop_advice", "n_points", "n_events", "speeds_without_equilibrium")
-    told = {key: attributes[key] for key in _TOLD if key in attributes}
+    condensation = {key: attributes[key] for key in _CONDENSATION if key in attributes}
     capacity = attributes["dimensions"].get(row) if "n_points" in attributes else None
-    return {"kind": metadata.kind, "capacity": capacity} | {key: attributes.get(key) for key in keys} | told
+    return (
+        {"kind": metadata.kind, "capacity": capacity}
+        | {key: attributes.get(key) for key in keys}
+        | condensation
+    )

@@ -48,7 +48,7 @@ class GroupState:
 
 
 @dataclass(frozen=True)
-class Progress:
+class GroupTotals:
     """Progress of one or several cases.
 
     The number of groups by state, and ``points`` of at most ``capacity`` of their rows; ``state`` is
@@ -105,11 +105,11 @@ def _states(path: Path, moment: float) -> list[GroupState]:
     return found
 
 
-def progress(states: Sequence[GroupState]) -> Progress:
+def totals(states: Sequence[GroupState]) -> GroupTotals:
     """The sum over some groups, for instance those of a case."""
     found = [state.state for state in states]
     begun = next((name for name in (RUNNING, INTERRUPTED, ENDED) if name in found), NOT_BEGUN)
-    return Progress(
+    return GroupTotals(
         begun,
         found.count(RUNNING),
         found.count(INTERRUPTED),

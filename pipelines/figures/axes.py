@@ -22,7 +22,7 @@ Conversion = Callable[[ArrayLike], ArrayLike]
 
 
 @dataclass(frozen=True)
-class Scales:
+class AxisScales:
     """Dimensional value of one dimensionless unit, as set by the first bearing."""
 
     rpm: float  # of a rotating speed [rev/min]
@@ -32,7 +32,7 @@ class Scales:
     bearings_differ: bool = False  # in clearance: then lengths and stiffnesses are said to be of bearing 1
 
 
-def seconds(scales: Scales) -> float:
+def seconds(scales: AxisScales) -> float:
     """Seconds in a unit of time."""
     return 1.0 / (2.0 * np.pi * scales.hertz)
 
@@ -43,10 +43,10 @@ class ParameterAxis:
 
     symbol: str
     title: str
-    scale: Literal["rpm", "hertz", "micrometres", "stiffness"]  # field of Scales
+    scale: Literal["rpm", "hertz", "micrometres", "stiffness"]  # field of AxisScales
     dimensional_label: str
 
-    def dimensional(self, scales: Scales) -> tuple[float, str]:
+    def dimensional(self, scales: AxisScales) -> tuple[float, str]:
         """Factor and label of the dimensional axis."""
         label = self.dimensional_label
         if scales.bearings_differ and self.scale in ("micrometres", "stiffness"):
@@ -72,7 +72,7 @@ PARAMETER_AXES = {
 
 
 def add_parameter_axis(
-    axes: Axes, parameter: str, scales: Scales, bottom: bool = True, top: bool = True
+    axes: Axes, parameter: str, scales: AxisScales, bottom: bool = True, top: bool = True
 ) -> None:
     """Label the x axis with a parameter, and the top axis in dimensional units."""
     axis = PARAMETER_AXES[parameter]

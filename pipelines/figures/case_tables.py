@@ -8,11 +8,11 @@ from typing import Any
 
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.store import Store, StoreError
-from pipelines.figures.axes import Scales
+from pipelines.figures.axes import AxisScales
 from pipelines.figures.contents import CaseView, Table
 from pipelines.figures.runs import RUN_ARRAYS, RunView
 
-Report = Callable[[str], None]
+Notify = Callable[[str], None]
 
 RUNS = "transient_analysis"
 CURVE_CONTAINERS = ("pd", "ns", "folds")
@@ -58,7 +58,7 @@ def kind_of(group: str) -> str:
 
 
 def read_case(
-    store: Store, case: str, needed: Collection[str], tell: Report, damaged: list[StoreError]
+    store: Store, case: str, needed: Collection[str], notify: Notify, damaged: list[StoreError]
 ) -> CaseTables | None:
     """The groups of the kinds ``needed``; unreadable groups are reported, and their errors collected.
 
@@ -68,7 +68,7 @@ def read_case(
         groups = [name.split("/", 2)[2] for name in list_groups(store, case)]
         view = _case_view(store, case, groups)
     except StoreError as error:
-        tell(f"{case} is left out: {error.message}")
+        notify(f"{case} is left out: {error.message}")
         damaged.append(error)
         return None
     tables = {}
@@ -78,7 +78,7 @@ def read_case(
         try:
             tables[name] = _table(store, case, name)
         except StoreError as error:
-            tell(f"cases/{case}/{name} is left out: {error.message}")
+            notify(f"cases/{case}/{name} is left out: {error.message}")
             damaged.append(error)
     return CaseTables(view, tables)
 
@@ -106,9 +106,9 @@ def _case_view(store: Store, case: str, groups: Collection[str]) -> CaseView:
     )
 
 
-def _scales(stored: Mapping[str, Any], bearings_differ: bool) -> Scales:
+def _scales(stored: Mapping[str, Any], bearings_differ: bool) -> AxisScales:
     """Scales of the axes from the scales of the case, which are in SI units."""
-    return Scales(
+    return AxisScales(
         rpm=stored["speed_rpm_per_unit"],
         hertz=stored["hertz_per_unit"],
         micrometres=1e6 * stored["displacement"],

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pipelines.figures.axes import Scales, add_right
+from pipelines.figures.axes import AxisScales, add_right
 
 
 class MissingDataError(Exception):
@@ -49,7 +49,7 @@ class CaseView:
 
     name: str
     note: str
-    scales: Scales
+    scales: AxisScales
     machine: Table
     parameters: Mapping[str, float | None] = field(default_factory=dict)
 
@@ -100,7 +100,7 @@ class CaseView:
 
 
 @dataclass(frozen=True)
-class Plan:
+class FigurePlan:
     """One figure still to be drawn: the stem of its file name and the call that draws it."""
 
     kind: str

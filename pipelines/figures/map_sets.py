@@ -17,13 +17,13 @@ from pipelines.figures.axes import PARAMETER_AXES
 from pipelines.figures.contents import CaseView, Table
 from pipelines.figures.resonance_lines import draw_resonances, resonance_handles
 from pipelines.figures.stability_map import (
+    CURVE_KINDS,
     INK,
-    KINDS,
     PALE,
     THIN,
     PlaneView,
     add_second_axes,
-    loose_ends,
+    incomplete_ends,
     parts_of,
     passive_speed,
 )
@@ -90,7 +90,7 @@ def _draw_cases(axes: Axes, overlays: Sequence[Overlay]) -> list[Line2D]:
                     alpha=PALE if look.unstable else 1.0,
                     zorder=2.5 if look.unstable or look.doubled else 3.0,
                 )
-        for _, x, y in loose_ends(overlay.view):
+        for _, x, y in incomplete_ends(overlay.view):
             axes.plot(x, y, markeredgecolor=colour, zorder=4, **LOOSE)
         handles.append(Line2D([], [], color=colour, linewidth=2.4, label=overlay.label))
     return handles
@@ -111,7 +111,7 @@ def _kinds_legend(overlays: Sequence[Overlay]) -> list[Line2D]:
     ]
     kinds = {look.bifurcation for look in looks}
     handles = [
-        Line2D([], [], color=INK, linestyle=line, linewidth=WIDTH, label=KINDS[kind][0])
+        Line2D([], [], color=INK, linestyle=line, linewidth=WIDTH, label=CURVE_KINDS[kind][0])
         for kind, line in LINES.items()
         if kind in kinds
     ]
@@ -119,7 +119,7 @@ def _kinds_legend(overlays: Sequence[Overlay]) -> list[Line2D]:
         handles.append(Line2D([], [], color=INK, alpha=PALE, linewidth=WIDTH, label="of an unstable cycle"))
     if any(look.doubled for look in looks):
         handles.append(Line2D([], [], color=INK, linewidth=WIDTH * THIN, label="of doubled cycles"))
-    if any(loose_ends(overlay.view) for overlay in overlays):
+    if any(incomplete_ends(overlay.view) for overlay in overlays):
         handles.append(Line2D([], [], markeredgecolor=INK, label="curve not complete", **LOOSE))
     return handles
 

@@ -23,23 +23,23 @@ LINE_COLOUR, LABEL_COLOUR = "#B4B4B4", "#555555"
 
 
 @dataclass(frozen=True)
-class Resonance:
+class ResonanceLine:
     """A predicted resonance: excitation frequency and formula."""
 
     frequency: float
     formula: str
 
 
-def resonances_of(criticals: Table, low: float, high: float) -> list[Resonance]:
+def resonances_of(criticals: Table, low: float, high: float) -> list[ResonanceLine]:
     """Predicted resonances inside an interval, by increasing frequency."""
     if "resonance_frequency" not in criticals:
         return []
-    found: list[Resonance] = []
+    found: list[ResonanceLine] = []
     columns = [criticals[f"resonance_{name}"] for name in ("frequency", "j", "k", "order", "kind")]
     for frequency, j, k, order, kind in sorted(zip(*columns, strict=True), key=lambda row: float(row[0])):
         if not low <= frequency <= high or order > LARGEST_ORDER or max(j, k) > CRITICALS:
             continue
-        found.append(Resonance(float(frequency), formula(str(kind), int(j), int(k), int(order))))
+        found.append(ResonanceLine(float(frequency), formula(str(kind), int(j), int(k), int(order))))
     return found
 
 

@@ -86,7 +86,7 @@ def draw_spectrum(case: CaseView, run: RunView) -> Figure:
     panels[-1].set_xlabel(FREQUENCY_LABEL)
     add_top(panels[0], case.scales.hertz, "frequency [Hz]")
     style.legend_below(figure, panels[0].get_legend_handles_labels()[0], 4)
-    return style.finish(figure, f"{case.name}: spectrum of {run.title}{_told(run)}", case.note)
+    return style.finish(figure, f"{case.name}: spectrum of {run.title}{_motion_in_title(run)}", case.note)
 
 
 def _frequencies(run: RunView) -> dict[str, tuple[float, str]]:
@@ -97,7 +97,7 @@ def _frequencies(run: RunView) -> dict[str, tuple[float, str]]:
     return lines
 
 
-def _told(run: RunView) -> str:
+def _motion_in_title(run: RunView) -> str:
     return f": {run.motion}" if run.motion else ""
 
 
@@ -154,8 +154,8 @@ def _evidence(run: RunView) -> str:
         return run.motion
     returns = ", ".join(f"{value:.2g}" for value in run.analysis["return_distance"][0])
     chaos = float(run.analysis["chaos"][0])
-    told = run.motion + (f", 0–1 test {chaos:.2f}" if np.isfinite(chaos) else "")
-    return f"{told}\nreturns after 1, 2, 4, 8 periods: {returns}"
+    text = run.motion + (f", 0–1 test {chaos:.2f}" if np.isfinite(chaos) else "")
+    return f"{text}\nreturns after 1, 2, 4, 8 periods: {returns}"
 
 
 @style.in_style

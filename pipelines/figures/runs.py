@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import Scales, add_parameter_axis, add_top, seconds
+from pipelines.figures.axes import AxisScales, add_parameter_axis, add_top, seconds
 from pipelines.figures.contents import MissingDataError, Table
 
 SAME_SPEED = 1e-9
@@ -108,7 +108,9 @@ class RunView:
         return f"{word.split('_')[1]}T periodic" if word.startswith("period_") else word.replace("_", "-")
 
 
-def label_along(axes: Axes, over_speed: bool, scales: Scales, bottom: bool = True, top: bool = True) -> None:
+def label_along(
+    axes: Axes, over_speed: bool, scales: AxisScales, bottom: bool = True, top: bool = True
+) -> None:
     """Label the x axis of a run with speed or time, and the top axis in dimensional units."""
     if over_speed:
         add_parameter_axis(axes, "speed", scales, bottom, top)

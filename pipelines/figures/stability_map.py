@@ -26,7 +26,7 @@ SAMPLES = 12  # of the cubic between two rows
 ALIKE = 0.004  # of the plane: special points of one kind this close are one point, met on two curves
 LABEL_SIZE = 6.5
 
-KINDS = {
+CURVE_KINDS = {
     "neimark_sacker": ("Neimark–Sacker (NS)", style.DEEP_PURPLE),
     "period_doubling": ("period doubling (PD)", style.ORANGE),
     "fold": ("fold (LPC)", style.GREEN),
@@ -126,7 +126,7 @@ def _drawn_points(view: PlaneView) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True)
-class Look:
+class LineStyle:
     """Line style of a part of a curve."""
 
     bifurcation: str
@@ -138,7 +138,7 @@ class Look:
     def options(self) -> dict[str, Any]:
         """Line options of matplotlib."""
         return {
-            "color": KINDS[self.bifurcation][1],
+            "color": CURVE_KINDS[self.bifurcation][1],
             "linestyle": LINES[self.criticality],
             "linewidth": WIDTHS[self.criticality] * (THIN if self.doubled else 1.0),
             "alpha": PALE if self.unstable else 1.0,
@@ -147,12 +147,12 @@ class Look:
         }
 
 
-def parts_of(curve: BifurcationCurve, view: PlaneView) -> Iterator[tuple[Look, NDArray[np.float64]]]:
+def parts_of(curve: BifurcationCurve, view: PlaneView) -> Iterator[tuple[LineStyle, NDArray[np.float64]]]:
     """Parts of equal look with samples (n, 2) of x and y along the cubics."""
     ends, order = curve.stretches(), view.order(curve)
     middles = 0.5 * (ends[1:] + ends[:-1])
     looks = [
-        Look(
+        LineStyle(
             curve.bifurcation,
             NO_TYPE if curve.bifurcation == "fold" else curve.criticality_at(float(middle)),
             curve.unstable_at(float(middle)) > 0,
@@ -200,7 +200,7 @@ def _draw_passive(axes: Axes, view: PlaneView) -> list[Line2D]:
 
 
 def _draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
-    looks: list[Look] = []
+    looks: list[LineStyle] = []
     for curve in view.curves:
         for look, points in parts_of(curve, view):
             axes.plot(points[:, 0], points[:, 1], **look.options)
@@ -208,7 +208,7 @@ def _draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     kinds = {look.bifurcation for look in looks}
     handles = [
         Line2D([], [], color=colour, linewidth=1.7, label=label)
-        for kind, (label, colour) in KINDS.items()
+        for kind, (label, colour) in CURVE_KINDS.items()
         if kind in kinds
     ]
     names = {"unset": "type not known"}
@@ -225,7 +225,7 @@ def _draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     return handles
 
 
-def loose_ends(view: PlaneView) -> list[tuple[str, float, float]]:
+def incomplete_ends(view: PlaneView) -> list[tuple[str, float, float]]:
     """Kind of bifurcation and position where a curve continues but was not traced."""
     complete = {curve.name for curve in view.curves if curve.is_complete}
     return [
@@ -235,14 +235,14 @@ def loose_ends(view: PlaneView) -> list[tuple[str, float, float]]:
     ]
 
 
-def _draw_loose_ends(axes: Axes, view: PlaneView) -> list[Line2D]:
+def _draw_incomplete_ends(axes: Axes, view: PlaneView) -> list[Line2D]:
     """Open markers where a curve continues but was not traced."""
     look: dict[str, Any] = {
         "marker": "s", "markersize": 4.5, "markerfacecolor": "white", "linestyle": "none", "zorder": 4
     }  # fmt: skip
-    ends = loose_ends(view)
+    ends = incomplete_ends(view)
     for kind, x, y in ends:
-        axes.plot(x, y, markeredgecolor=KINDS[kind][1], markeredgewidth=1.1, **look)
+        axes.plot(x, y, markeredgecolor=CURVE_KINDS[kind][1], markeredgewidth=1.1, **look)
     handle = Line2D([], [], markeredgecolor=INK, markeredgewidth=1.1, label="curve not complete", **look)
     return [handle] if ends else []
 
@@ -302,7 +302,7 @@ def _draw_errors(axes: Axes, view: PlaneView) -> list[Line2D]:
 LAYERS: tuple[Layer, ...] = (
     _draw_curves,
     _draw_special_points,
-    _draw_loose_ends,
+    _draw_incomplete_ends,
     _draw_stable_range,
     _draw_passive,
     _draw_errors,

@@ -25,7 +25,8 @@ class Job:
     """One stage on one case; `stage` is the command named in progress reports."""
 
     stage: str
-    case: NamedCase
+    case_id: str
+    case: Case
     machine: Machine
     store: Store
     report: Report
@@ -36,19 +37,20 @@ class Job:
 
     @classmethod
     def of(
-        cls, stage: str, case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+        cls, stage: str, named_case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
     ) -> Job:
         """The job from the arguments of a stage."""
         store = open_for_writing(store_path)
-        return cls(stage, case, build_machine(case.case), store, report, should_stop)
+        case = named_case.case
+        return cls(stage, named_case.case_id, case, build_machine(case), store, report, should_stop)
 
-    def tell(self, done: int, total: int | None, message: str) -> None:
-        """Report progress."""
-        self.report(Progress(self.stage, self.case.case_id, done, total, message))
+    def report_progress(self, done: int, total: int | None, message: str) -> None:
+        """Report how much is done."""
+        self.report(Progress(self.stage, self.case_id, done, total, message))
 
     def path(self, group: str) -> str:
         """Full name of one of the case's groups: cycles/b000 -> cases/kb10/cycles/b000."""
-        return f"cases/{self.case.case_id}/{group}"
+        return f"cases/{self.case_id}/{group}"
 
     def read(self, group: str, names: Sequence[str] | None = None) -> Group:
         """One of the case's groups, read again if something was committed to it since."""
@@ -61,7 +63,7 @@ class Job:
 
     def groups(self, *containers: str) -> list[str]:
         """The case's groups within containers such as cycles, pd or ns, sorted by name."""
-        known = (name.split("/", 2)[2] for name in list_groups(self.store, self.case.case_id))
+        known = (name.split("/", 2)[2] for name in list_groups(self.store, self.case_id))
         return [name for name in known if name.split("/")[0] in containers]
 
 

@@ -38,11 +38,11 @@ def count_in(store: Store, groups: Iterable[str]) -> Count:
     return count(read_group(store, group, (STEP_ERROR,)) for group in held)
 
 
-def told(found: Count) -> str:
+def in_words(found: Count) -> str:
     """``for 3 of 20 points``; empty if all errors are known."""
     return "for {} of {} points".format(*found) if found[0] else ""
 
 
 def caution(found: Count) -> str:
     """The number of such points as a sentence with reason and advice."""
-    return f"{NAME} {told(found)}: {ADVICE}" if found[0] else ""
+    return f"{NAME} {in_words(found)}: {ADVICE}" if found[0] else ""

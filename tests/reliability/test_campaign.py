@@ -373,7 +373,7 @@ def test_workers_that_die_while_they_start(
 def test_only_deaths_without_progress_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     committed = iter([4, 7, 7, 8, 8, 8])
     monkeypatch.setattr(campaign, "watch", lambda path: [])
-    monkeypatch.setattr(campaign, "progress", lambda states: SimpleNamespace(points=next(committed)))
+    monkeypatch.setattr(campaign, "totals", lambda states: SimpleNamespace(points=next(committed)))
     chain = campaign._Chain(tiny_case(), ["linearize"])
     nothing: Any = None
     run = campaign._Campaign(nothing, Pool(2), nothing, nothing, nothing, tmp_path, deque())

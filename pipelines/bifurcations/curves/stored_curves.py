@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipelines.bifurcations.continuation import hermite_weights
+from pipelines.bifurcations.continuation import hermite_slopes, hermite_weights
 from pipelines.bifurcations.curve import CurveStart, CurveState
 from pipelines.orbits.system import Matrix, Vector, size_of
 
@@ -135,11 +135,6 @@ class KnownCurve:
 
 
 def _cubic(ends: Matrix, slopes: Matrix, length: float, at: float) -> tuple[Vector, Vector]:
-    """Value and derivative of the Hermite cubic of a segment at a fraction."""
-    w0, d0, w1, d1 = hermite_weights(at, length)
-    point = w0 * ends[0] + d0 * slopes[0] + w1 * ends[1] + d1 * slopes[1]
-    rise = 6.0 * at * (1.0 - at)
-    slope = rise * (ends[1] - ends[0]) + length * (
-        (1.0 - at) * (1.0 - 3.0 * at) * slopes[0] + at * (3.0 * at - 2.0) * slopes[1]
-    )
-    return point, slope
+    """Point and derivative by the fraction of the Hermite cubic of a segment."""
+    nodes = np.array([ends[0], slopes[0], ends[1], slopes[1]])
+    return hermite_weights(at, length) @ nodes, length * (hermite_slopes(at, length) @ nodes)

@@ -20,6 +20,7 @@ import numpy as np
 from pipelines.bifurcations.acceptance import StepRule, refusal
 from pipelines.bifurcations.continuation import (
     CubicPiece,
+    Limit,
     Rejected,
     Tracer,
     adapted_length,
@@ -46,10 +47,8 @@ from pipelines.bifurcations.tori.problem import (
 from pipelines.bifurcations.tori.slow_bases import SlowBases
 from pipelines.bifurcations.tori.stability import TorusSpectrum, settled_spectrum
 from pipelines.bifurcations.tori.torus import (
-    TorusLimit,
     TorusOptions,
     TorusPoint,
-    TorusRecord,
     TorusResult,
     TorusStart,
     TorusState,
@@ -71,8 +70,8 @@ def continue_torus(
     problem: TorusProblem,
     start: TorusStart | TorusState,
     options: TorusOptions,
-    record: TorusRecord,
-    limit: TorusLimit | None = None,
+    record: Callable[[TorusPoint, TorusState], None],
+    limit: Limit[TorusPoint] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> TorusResult:
     """Trace a branch of tori from a guess, or resume it from a recorded state.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -134,5 +133,3 @@ class TorusPoint:
 
 
 TorusResult = Result[TorusState]
-TorusRecord = Callable[[TorusPoint, TorusState], None]
-TorusLimit = Callable[[TorusPoint], str | None]

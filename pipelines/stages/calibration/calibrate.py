@@ -168,7 +168,7 @@ class Machines:
             row = self._row(position, nearby and index > 0)
             self.branch.commit(row)
             self._rows.append(row)
-            self._tell()
+            self._report_progress()
         return self._evaluation(self._rows[index])
 
     def _row(self, position: Array, nearby: bool) -> dict[str, Any]:
@@ -204,7 +204,7 @@ class Machines:
         deviations = np.where(failed, self._penalties, (row["reached"] - wanted) / scatter)
         return Evaluation(np.array(row["position"]), deviations, failed)
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         found, total = self._evaluation(self._rows[-1]), self.settings.max_evaluations
         worst = int(np.argmax(np.abs(found.deviations)))
         lost = f", {int(found.failed.sum())} targets failed" if found.failed.any() else ""

@@ -150,7 +150,7 @@ def _onset_above(
             continue
         result = continue_branch(problem, guess.start, options, walk.record, walk.limit, walk.ends)
         if result.stop is not BranchStop.START_FAILED:
-            return _told(result, walk, start, interval[1])
+            return _onset_of(result, walk, start, interval[1])
     return Onset(NO_CYCLE)
 
 
@@ -188,7 +188,7 @@ def _destabilises(event: Event) -> bool:
     return event.kind is EventKind.FOLD or not event.transversality < 0.0
 
 
-def _told(result: BranchResult, walk: _Walk, start: float, highest: float) -> Onset:
+def _onset_of(result: BranchResult, walk: _Walk, start: float, highest: float) -> Onset:
     if walk.unstable_start:
         return Onset(CENSORED_BELOW, start)
     if walk.onset is not None:

@@ -203,9 +203,9 @@ def _spectrum(slopes: Array) -> tuple[Array, Array, Array]:
 def _undetermined(settings: Calibrate, slopes: Array) -> tuple[dict[str, float], ...]:
     """Open directions by the first key of each parameter, their largest component positive."""
     names = [parameter.keys[0] for parameter in settings.parameters]
-    told = []
+    undetermined = []
     for direction in _spectrum(slopes)[2]:
         sign = np.sign(direction[np.argmax(np.abs(direction))])
         parts = {name: float(sign * part) for name, part in zip(names, direction, strict=True)}
-        told.append({name: part for name, part in parts.items() if abs(part) > PART})
-    return tuple(told)
+        undetermined.append({name: part for name, part in parts.items() if abs(part) > PART})
+    return tuple(undetermined)

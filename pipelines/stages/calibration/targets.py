@@ -32,7 +32,7 @@ from pipelines.stages.calibration.onset_speed import (
 )
 from pipelines.stages.results import ShouldStop, StopRequested
 
-DIRECTIONS = {"any": (1, -1, 0), "forward": (1,), "backward": (-1,)}
+WHIRL_DIRECTIONS = {"any": (1, -1, 0), "forward": (1,), "backward": (-1,)}
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def _critical_speed(case: Case, target: CalibrationTarget, should_stop: ShouldSt
     if len(diagram.missing) == len(diagram.speeds):
         return Onset(NO_EQUILIBRIUM)
     result = critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
-    found = [one.speed for one in result.found if one.direction in DIRECTIONS[target.whirl]]
+    found = [one.speed for one in result.found if one.direction in WHIRL_DIRECTIONS[target.whirl]]
     wanted = found[target.number - 1] if len(found) >= target.number else math.inf
     if any(one.matters and one.low < wanted for one in result.undecided):
         return Onset(UNDECIDED)

@@ -28,7 +28,7 @@ CONTAINERS: Mapping[EventKind, str] = {
     EventKind.NEIMARK_SACKER: "ns",
     EventKind.FOLD: "folds",
 }
-DIRECTIONS = ("tangent", "normal", "gradient", "bend")  # of the array `directions`, in this order
+DIRECTION_NAMES = ("tangent", "normal", "gradient", "bend")  # of the array `directions`, in this order
 TRACED = ("parameter_tangent", "arclength", "state", "angle")  # and the free parameters: see `traced`
 SPECIAL_NAMES = tuple(spec.name for spec in KINDS["curve"].arrays if spec.name.startswith("event_"))
 
@@ -41,7 +41,7 @@ def curve_sizes(machine: Machine, case: Case, problem: CurveProblem) -> dict[str
         "component": size,
         "extended": size + 3,
         "augmented": size + 1,
-        "direction": len(DIRECTIONS),
+        "direction": len(DIRECTION_NAMES),
         "side": 2,
         "free": 2,
         "special": len(SpecialKind),
@@ -66,10 +66,10 @@ class CurveRecorder:
         problem: CurveProblem,
         curve: Branch,
         case: Case,
-        told: Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None],
+        report_point: Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None],
     ) -> None:
         self._machine, self._problem, self._curve = machine, problem, curve
-        self._case, self._told = case, told
+        self._case, self._report_point = case, report_point
         self._shape: CycleShape | None = None
 
     def limit(self, point: CurvePoint) -> str | None:
@@ -87,7 +87,7 @@ class CurveRecorder:
         rows += [_unlocated_row(case, kind, point, after) for kind in point.unlocated]
         autonomous = self._problem.period_map.autonomous
         self._curve.commit(point_row(case, point, state, self._shape, autonomous), _slots(state), rows)
-        self._told(point, state, specials)
+        self._report_point(point, state, specials)
 
 
 def point_row(
@@ -137,7 +137,7 @@ def _criticality(point: CurvePoint) -> int:
 
 def _slots(state: CurveState) -> dict[str, Any]:
     """What only the step after the newest point needs."""
-    directions = [getattr(state, name) for name in DIRECTIONS]
+    directions = [getattr(state, name) for name in DIRECTION_NAMES]
     return {
         "directions": np.array([np.concatenate([d.state, [d.period], d.parameters]) for d in directions]),
         "critical_vectors": np.array(
@@ -226,7 +226,7 @@ def resumed_state(newest: Resume, rows: Mapping[str, Array], names: tuple[str, s
     size = len(row["state"])
     arrays: dict[str, Any] = {name: row[name] for name in ("state", "period", "step", "arclength")}
     arrays |= {"cos_theta": row["kappa"], "cos_theta_slope": row["kappa_slope"]}
-    for name, direction in zip(DIRECTIONS, slots["directions"], strict=True):
+    for name, direction in zip(DIRECTION_NAMES, slots["directions"], strict=True):
         arrays |= {
             f"{name}_state": direction[:size],
             f"{name}_period": direction[size],

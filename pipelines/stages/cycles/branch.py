@@ -18,7 +18,7 @@ from pipelines.stages.cycles.rows import (
     EVENT_NAMES,
     RESUMED,
     BranchRecorder,
-    branch_sizes,
+    cycle_sizes,
     resumed_state,
     static_arrays,
     stored_event,
@@ -80,7 +80,7 @@ def trace_branch(job: Job, request: BranchRequest) -> None:
     Raises what `open_branch` raises.
     """
     problem = request_problem(job, request)
-    sizes = branch_sizes(job.machine, request.case, problem)
+    sizes = cycle_sizes(job.machine, request.case, problem)
     static = static_arrays(job.machine, request.case, problem)
     with open_branch(
         job.store, job.path(request.group), "cycles", sizes, static, request.attributes()
@@ -106,7 +106,7 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
         rows = job.read(request.group, (*RESUMED, table.parameter)).arrays
         store_end(branch, run(resumed_state(newest, rows, table.parameter), request.direction))
         return
-    job.tell(0, table.max_points, f"{request.group}: looking for the first cycle")
+    job.report_progress(0, table.max_points, f"{request.group}: looking for the first cycle")
     failure = NoStart("no cycle was found", "")
     for found in _first_cycles(job, request, problem, Guard(recorder.limit, job.should_stop)):
         if job.should_stop():
@@ -131,15 +131,15 @@ def _progress_callback(
     """The report of every recorded point."""
     table = request.case.continue_cycles
 
-    def told(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
+    def report_point(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
         message = (
             f"{table.parameter} {state.parameter:.5g}, largest multiplier {abs(state.multipliers[0]):.4f}"
         )
         message += f", {state.steps} steps per period"
         message += "".join(f", {event.kind.name.lower().replace('_', ' ')}" for event in events)
-        job.tell(state.index + 1, table.max_points, f"{request.group}: {message}")
+        job.report_progress(state.index + 1, table.max_points, f"{request.group}: {message}")
 
-    return told
+    return report_point
 
 
 def _first_cycles(

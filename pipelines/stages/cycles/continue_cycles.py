@@ -54,7 +54,7 @@ def directions(case: Case) -> tuple[int, ...]:
 def _trace_doubled(job: Job, parents: list[str]) -> list[str]:
     """Branches of twice, four times, ... the period, each from a period doubling of the previous level."""
     groups: list[str] = []
-    for level in range(job.case.case.continue_cycles.doublings):
+    for level in range(job.case.continue_cycles.doublings):
         found: list[str] = []
         for origin in _period_doublings(job, parents):
             if job.should_stop():
@@ -63,7 +63,7 @@ def _trace_doubled(job: Job, parents: list[str]) -> list[str]:
                 continue
             groups.append(f"cycles/d{len(groups):03d}")
             found.append(groups[-1])
-            trace_branch(job, BranchRequest(groups[-1], job.case.case, turns=2 ** (level + 1), origin=origin))
+            trace_branch(job, BranchRequest(groups[-1], job.case, turns=2 ** (level + 1), origin=origin))
         parents = found
     return groups
 
@@ -84,7 +84,7 @@ def _ends_at(job: Job, groups: list[str], origin: Origin) -> bool:
 
     It then lies within the last step of that branch.
     """
-    parameter = job.case.case.continue_cycles.parameter
+    parameter = job.case.continue_cycles.parameter
     there = float(job.read(origin.group, (f"event_{parameter}",))[f"event_{parameter}"][origin.event])
     for group in groups:
         branch = job.read(group, (parameter, "arclength"))
@@ -99,27 +99,27 @@ def _ends_at(job: Job, groups: list[str], origin: Origin) -> bool:
 
 def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
     """How the branches of a case ended; the stage succeeds if all of them do."""
-    parameter = job.case.case.continue_cycles.parameter
+    parameter = job.case.continue_cycles.parameter
     names = ("event_kind", f"event_{parameter}", step_errors.STEP_ERROR)
     branches, trees = (
         [job.read(group, names) for group in groups],
         [job.read(group, names) for group in doubled],
     )
-    told: dict[str, Any] = {"points": sum(branch.n_points for branch in branches)}
+    summary: dict[str, Any] = {"points": sum(branch.n_points for branch in branches)}
     if trees:
-        told["doubled branches"] = len(trees)
+        summary["doubled branches"] = len(trees)
     for branch in branches + trees:
-        told |= _events_summary(branch.arrays, parameter, told)
+        summary |= _events_summary(branch.arrays, parameter, summary)
     unknown = step_errors.count(branches + trees)
-    if where := step_errors.told(unknown):
-        told[step_errors.NAME] = where
+    if where := step_errors.in_words(unknown):
+        summary[step_errors.NAME] = where
     reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
     advice = [branch.attributes["stop_advice"] for branch in branches + trees]
     ok = all(is_success(branch, COMPLETE) for branch in branches + trees)
     # two branches that end alike say so once
     sentences = "; ".join(dict.fromkeys(filter(None, advice)))
     doubt = step_errors.caution(unknown)
-    return StageResult(job.case.case_id, ok, ", ".join(reasons), sentences, told, caution=doubt)
+    return StageResult(job.case_id, ok, ", ".join(reasons), sentences, summary, caution=doubt)
 
 
 def _events_summary(arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any]) -> dict[str, str]:

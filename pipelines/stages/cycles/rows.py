@@ -29,7 +29,7 @@ EVENT_NAMES = (
 )
 
 
-def branch_sizes(machine: Machine, case: Case, problem: CycleProblem) -> dict[str, int]:
+def cycle_sizes(machine: Machine, case: Case, problem: CycleProblem) -> dict[str, int]:
     """Sizes of the dimensions of a branch's group."""
     size, columns = problem.period_map.size, problem.options.basis.maximum_columns
     return {
@@ -78,11 +78,11 @@ class BranchRecorder:
         machine: Machine,
         branch: Branch,
         case: Case,
-        told: Callable[[BranchPoint, BranchState, tuple[Event, ...]], None],
+        report_point: Callable[[BranchPoint, BranchState, tuple[Event, ...]], None],
         turns: int = 1,
         resumed: Group | None = None,
     ) -> None:
-        self._machine, self._branch, self._case, self._told = machine, branch, case, told
+        self._machine, self._branch, self._case, self._report_point = machine, branch, case, report_point
         self._turns, self._first = turns, resumed is None
         self._repeats = resumed is not None and _has_own_doubling(resumed)
         self._shape: CycleShape | None = None
@@ -110,7 +110,7 @@ class BranchRecorder:
         self._branch.commit(point_row(case, point, state, self._shape), slots, rows)
         kinds = (*(event.kind for event in events), *point.unlocated)
         self._repeats = self._repeats or EventKind.OWN_PERIOD_DOUBLING in kinds
-        self._told(point, state, events)
+        self._report_point(point, state, events)
 
 
 def _has_own_doubling(branch: Group) -> bool:

@@ -15,8 +15,8 @@ from pipelines.bifurcations.branch import (
     BranchState,
     BranchStop,
     ContinuationOptions,
-    Limit,
 )
+from pipelines.bifurcations.continuation import Limit
 from pipelines.bifurcations.detection import DetectionOptions, Event
 from pipelines.case.models import Case
 from pipelines.machine import film
@@ -55,7 +55,7 @@ class FirstCycle:
 class Guard:
     """What may end the search of a first cycle early: a physical limit, or the user."""
 
-    limit: Limit
+    limit: Limit[BranchPoint]
     should_stop: Callable[[], bool]
 
 

@@ -156,13 +156,13 @@ def _caution(errors: ModeErrors, scales: Scales, masters: Masters, better: Maste
     place = f"below the highest speed, at the rotating speed {speed:.4g}"
     if np.isfinite(condensed):
         hertz = f"{scales.hertz(condensed):.4g} instead of {scales.hertz(full):.4g} Hz"
-        told = f"the condensed rotor has a mode {100.0 * errors.worst:.3g} % off ({hertz}) {place}"
+        fault = f"the condensed rotor has a mode {100.0 * errors.worst:.3g} % off ({hertz}) {place}"
     else:
-        told = f"the condensed rotor lacks the mode of {scales.hertz(full):.4g} Hz {place}"
+        fault = f"the condensed rotor lacks the mode of {scales.hertz(full):.4g} Hz {place}"
     if better == masters:
-        return f"{told}; no further master helps"
+        return f"{fault}; no further master helps"
     left_over = f"{100.0 * left.worst:.2g} %"
-    return f"{told}; with rotor.masters = {written(better)} no mode is more than {left_over} off"
+    return f"{fault}; with rotor.masters = {written(better)} no mode is more than {left_over} off"
 
 
 def written(masters: Masters) -> str:

@@ -41,7 +41,7 @@ UNBALANCE_ECCENTRICITY = 0.01
 
 NO_CRITICAL = "no critical speed lies inside the range"
 UNDECIDED = "critical speeds may be missing"
-WELL = missing_speeds.WELL | {NO_CRITICAL}  # reasons that are no failure
+SUCCESSFUL = missing_speeds.SUCCESSFUL | {NO_CRITICAL}  # reasons that are no failure
 
 
 def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
@@ -77,16 +77,16 @@ def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
         checked = checked_modes(machine, case.case, linear, at_operation, speeds_found)
         arrays |= checked.arrays
         attributes = {"condensation_error": checked.error, "caution": checked.caution}
-    attributes |= {"request": request, **_told(diagram, critical, speeds)}
+    attributes |= {"request": request, **_missing_attributes(diagram, critical, speeds)}
     write_group(store, group, "criticals", arrays, attributes)
     report(Progress("criticals", case.case_id, total, total))
     return _result(case.case_id, store, group)
 
 
-def _told(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> dict[str, Any]:
+def _missing_attributes(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> dict[str, Any]:
     """Attributes that say what is missing: speeds without equilibrium, and doubts from the count of modes."""
     missing = [
-        missing_speeds.told(float(diagram.speeds[index]), reason)
+        missing_speeds.entry(float(diagram.speeds[index]), reason)
         for index, reason in diagram.missing.items()
         if diagram.speeds[index] in speeds
     ]
@@ -94,9 +94,9 @@ def _told(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> 
     if doubts := [one for one in critical.undecided if one.matters]:
         reason = UNDECIDED
         advice = "; ".join([str(doubts[0]), *([advice] if advice else [])])
-    elif reason == missing_speeds.FINISHED and critical.undecided:
+    elif reason == missing_speeds.ALL_COMPUTED and critical.undecided:
         reason, advice = missing_speeds.SOME_MISSING, "; ".join(map(str, critical.undecided))
-    elif reason == missing_speeds.FINISHED and not critical.found:
+    elif reason == missing_speeds.ALL_COMPUTED and not critical.found:
         reason, advice = NO_CRITICAL, "widen criticals.speed_range or raise criticals.max_damping_ratio"
     counts = critical.counts[critical.counts >= 0].tolist()
     return {
@@ -245,7 +245,7 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
         summary["without equilibrium"] = without
     reason = attributes["stop_reason"]
     advice, caution = attributes["stop_advice"], attributes.get("caution", "")
-    return StageResult(case_id, reason in WELL, reason, advice, summary, caution=caution)
+    return StageResult(case_id, reason in SUCCESSFUL, reason, advice, summary, caution=caution)
 
 
 def _without_equilibrium(attributes: Mapping[str, Any]) -> str:

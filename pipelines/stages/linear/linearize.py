@@ -88,7 +88,7 @@ def _missing(
         if reason is None:
             guess = states[index - 1] if index > 0 and np.isfinite(states[index - 1]).all() else None
             reason = equilibrium_along(machine, parameters, speeds, int(index), guess).reason
-        missing.append(missing_speeds.told(float(speeds[index]), reason))
+        missing.append(missing_speeds.entry(float(speeds[index]), reason))
     return missing
 
 
@@ -99,8 +99,8 @@ def _finish(branch: BranchWriter, missing: list[str], instability: dict[str, Any
     hidden = instability.get("instability_between")
     if hidden is not None and reason == missing_speeds.SOME_MISSING:
         reason, advice = HIDDEN, f"it begins between the speeds {hidden[0]:.4g} and {hidden[1]:.4g}; {advice}"
-    told = {missing_speeds.ATTRIBUTE: missing} if missing else {}
-    branch.finish(reason, advice, **({"instability_speed": None} | instability | told))
+    attribute = {missing_speeds.ATTRIBUTE: missing} if missing else {}
+    branch.finish(reason, advice, **({"instability_speed": None} | instability | attribute))
 
 
 def _sizes(machine: Machine, case: Case) -> dict[str, int]:
@@ -220,5 +220,5 @@ def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
     missing = attributes.get(missing_speeds.ATTRIBUTE, [])
     if missing:
         summary["without equilibrium"] = missing_speeds.named(missing)
-    ok = attributes["stop_reason"] in missing_speeds.WELL
+    ok = attributes["stop_reason"] in missing_speeds.SUCCESSFUL
     return StageResult(case_id, ok, attributes["stop_reason"], attributes["stop_advice"], summary)

@@ -36,7 +36,7 @@ from pipelines.stages.refinement.levels import (
 from pipelines.stages.refinement.points import StoredPoint, stored_points
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
-FINISHED = "all points are recomputed"
+ALL_RECOMPUTED = "all points are recomputed"
 NOTHING = "no bifurcation is stored"
 
 
@@ -103,7 +103,7 @@ def _fill(
         branch.commit(_row(case.case, point, found, known))
         message = _message(point, found, known)
         report(Progress("refine", case.case_id, branch.n_points, total, message))
-    branch.finish(FINISHED)
+    branch.finish(ALL_RECOMPUTED)
 
 
 def _row(case: Case, point: StoredPoint, found: Refinement, known: ErrorEstimate) -> dict[str, Any]:
@@ -151,5 +151,5 @@ def _result(case_id: str, group: Group) -> StageResult:
         summary[label.replace("_", " ")] = int(np.sum(labels == label))
     if np.any(np.isfinite(errors)):
         summary["largest error"] = float(f"{np.nanmax(errors):.3g}")
-    reason = FINISHED if ended else "stopped on request"
+    reason = ALL_RECOMPUTED if ended else "stopped on request"
     return StageResult(case_id, True, reason, "", summary)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.datasets.branch import write_group
-from pipelines.datasets.curves import CONTAINERS, BifurcationCurve, read_curve
+from pipelines.datasets.curves import CURVE_CONTAINERS, BifurcationCurve, read_curve
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
@@ -138,14 +138,14 @@ class OperatingRange:
             "curves": list(self.curves),
             "passive_instability_speed": self.passive,
             "passive_gain": self.passive_gain,
-            "reference": None if self.reference is None else self.told(self.reference),
+            "reference": None if self.reference is None else self.boundary_data(self.reference),
             "reference_gain": self.reference_gain,
-            "best": None if self.best is None else self.told(self.best.boundary),
+            "best": None if self.best is None else self.boundary_data(self.best.boundary),
             "best_interval": None if self.best is None else list(self.best.interval),
             "cautions": list(self.cautions),
         }
 
-    def told(self, boundary: Boundary) -> dict[str, Any]:
+    def boundary_data(self, boundary: Boundary) -> dict[str, Any]:
         """One boundary as plain data; ``open``: the speed is a lower bound."""
         return {
             self.parameter: boundary.abscissa,
@@ -200,7 +200,9 @@ def stored_plane(store: Store, case: str) -> StoredPlane:
     searched = (
         read_group(store, groups["bifurcation_set"], ()).attributes if "bifurcation_set" in groups else {}
     )
-    read = [read_group(store, path) for name, path in groups.items() if name.split("/")[0] in CONTAINERS]
+    read = [
+        read_group(store, path) for name, path in groups.items() if name.split("/")[0] in CURVE_CONTAINERS
+    ]
     parameters, ranges = _plane(searched, read)
     speed_axis = parameters.index(SPEED)
     curves = _curves(read, parameters)
@@ -255,15 +257,17 @@ def set_cautions(searched: dict[str, Any] | Any) -> list[str]:
     """Cautions about a plane, from the attributes of its search (none without a search)."""
     if not searched:
         return ["the plane was not searched: bifurcations off the tracked curves are not known"]
-    told = [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
+    cautions = (
+        [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
+    )
     if "fold" not in searched.get("kinds", ("fold",)):
-        told.append("folds were not traced (bifurcation_set.kinds): stability may end earlier at a fold")
+        cautions.append("folds were not traced (bifurcation_set.kinds): stability may end earlier at a fold")
     if searched.get("boundaries", False):
-        told.append(
+        cautions.append(
             "only curves that bound stable cycles where a branch or a curve meets them were traced "
             "(bifurcation_set.boundaries): the others may bound stable cycles elsewhere"
         )
-    return told
+    return cautions
 
 
 def range_over(
@@ -276,14 +280,14 @@ def range_over(
     boundaries = lower_envelope(plane, speeds=() if passive is None else (passive,))
     near = [_near(plane, boundaries, end) for end in loose_ends(plane)]
     caution = np.any(near, axis=0) if near else np.zeros(len(boundaries), dtype=bool)
-    told = [
+    further = [
         f"{end.curve} stopped ({end.reason.replace('_', ' ')}) at {parameter.replace('_', ' ')} "
         f"{end.abscissa:.4g}, speed {end.speed:.4g}, near the first boundary"
         for end, concerned in zip(loose_ends(plane), near, strict=True)
         if concerned.any()
     ]
     if any(boundary.base == UNSET for boundary in boundaries):
-        told.append(
+        further.append(
             "the stability at the lowest speed is not known everywhere from stored cycles: assumed stable"
         )
     return OperatingRange(
@@ -296,7 +300,7 @@ def range_over(
         passive,
         _reference(plane) if parameter == FREQUENCY else None,
         best_of(boundaries, passive),
-        (*cautions, *told),
+        (*cautions, *further),
     )
 
 

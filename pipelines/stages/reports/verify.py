@@ -61,7 +61,7 @@ def verify(store_path: Path, sample: int) -> tuple[list[Finding], list[Checked]]
     checked: list[Checked] = []
     if sample > 0:
         damaged = [finding.path for finding in findings if finding.severity == "error"]
-        for case, groups in _groups(store, told=bool(damaged)):
+        for case, groups in _groups(store, reported=bool(damaged)):
             named = stored_case(store, case)
             machine = build_machine(named.case)
             for group in groups:
@@ -71,13 +71,13 @@ def verify(store_path: Path, sample: int) -> tuple[list[Finding], list[Checked]]
     return findings, checked
 
 
-def _groups(store: Store, told: bool) -> Iterator[tuple[str, list[str]]]:
-    """Cases with their groups; none for cases that cannot be listed and whose damage is already ``told``."""
+def _groups(store: Store, reported: bool) -> Iterator[tuple[str, list[str]]]:
+    """Cases with their groups; none of a case that cannot be listed and whose damage is ``reported``."""
     try:
         for case in list_cases(store):
             yield case, list_groups(store, case)
     except StoreError:
-        if not told:
+        if not reported:
             raise
 
 

@@ -30,7 +30,7 @@ from distributed.client import FutureCancelledError
 from distributed.comm.core import CommClosedError
 
 from pipelines.case.reading import NamedCase
-from pipelines.datasets.watching import progress, watch
+from pipelines.datasets.watching import totals, watch
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.scheduling.pool import ClusterError, Pool
 from pipelines.stages.scheduling.tasks import run_task, task
@@ -88,7 +88,7 @@ def run_campaign(
         stop = Event(name, client=client)
         waiting = deque(_Chain(case, list(stages)) for case in cases)
         yield from _Campaign(
-            client, pool, stop, _told(events, report), should_stop, store_path.resolve(), waiting
+            client, pool, stop, _event_reporter(events, report), should_stop, store_path.resolve(), waiting
         ).results()
 
 
@@ -189,14 +189,14 @@ class _IgnoreInterrupts(WorkerPlugin):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _told(events: queue.SimpleQueue[dict[str, Any]], report: Report) -> Callable[[], None]:
+def _event_reporter(events: queue.SimpleQueue[dict[str, Any]], report: Report) -> Callable[[], None]:
     """Pass on the progress that arrived since the last call, in the caller's thread."""
 
-    def tell() -> None:
+    def report_events() -> None:
         while not events.empty():
             report(Progress(**events.get()["progress"]))
 
-    return tell
+    return report_events
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ class _Campaign:
     client: Client
     pool: Pool
     stop: Event
-    tell: Callable[[], None]
+    report_events: Callable[[], None]
     should_stop: ShouldStop
     store_path: Path
     waiting: deque[_Chain]
@@ -236,7 +236,7 @@ class _Campaign:
     def results(self) -> Iterator[tuple[str, StageResult]]:
         stopping, counted, present = False, -math.inf, time.monotonic()
         while self.running or (self.waiting and not stopping):
-            self.tell()
+            self.report_events()
             if not stopping and self.should_stop():
                 stopping = True
                 self.stop.set()
@@ -270,7 +270,7 @@ class _Campaign:
 
     def _end(self, run: _Running) -> Iterator[tuple[str, StageResult]]:
         """Results of a task that has ended, and of tasks that cannot follow it; the others wait again."""
-        self.tell()
+        self.report_events()
         chain, case_id = run.chain, run.chain.case.case_id
         records = _records(run.future)
         if records is not None:
@@ -297,7 +297,7 @@ class _Campaign:
         Workers that live shorter than their task are no reason to give up.
         """
         states = [state for state in watch(self.store_path) if state.case == chain.case.case_id]
-        committed = progress(states).points
+        committed = totals(states).points
         chain.deaths = chain.deaths + 1 if committed <= chain.committed else 1
         chain.committed = committed
         return chain.deaths

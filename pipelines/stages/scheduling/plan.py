@@ -71,7 +71,7 @@ class Planned:
 def plan(stages: Sequence[str], cases: Sequence[NamedCase], store_path: Path | None) -> Iterator[Planned]:
     """What every stage of every case has and still needs; ``store_path`` may not exist yet.
 
-    Raises StoreError for a store that cannot be read, and CannotRunError for a run in time that cannot start.
+    Raises StoreError for a store that cannot be read, and CannotRunError for a transient that cannot start.
     """
     store = open_for_reading(store_path) if store_path is not None and store_path.exists() else None
     durations = Durations()
@@ -127,7 +127,7 @@ def _made_in_one_piece(found: Planned, here: _Here) -> Planned:
     if not here.own:
         return found
     (group,) = here.own.values()
-    ended = StageStatus.COMPLETE if group["stop_reason"] in criticals.WELL else StageStatus.FAILED
+    ended = StageStatus.COMPLETE if group["stop_reason"] in criticals.SUCCESSFUL else StageStatus.FAILED
     there = StageStatus.NOTHING if found.there is StageStatus.DIFFERENT_SETTINGS else ended
     return replace(
         found, there=there, points=0 if there is StageStatus.NOTHING else here.case.criticals.points
@@ -200,14 +200,14 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
     {
         "linearize": _Extent(
             groups=("linear",),
-            success=missing_speeds.WELL,
+            success=missing_speeds.SUCCESSFUL,
             table="linearize",
             duration=Durations.of_equilibrium,
             most=lambda case: case.linearize.points,
         ),
         "criticals": _Extent(
             groups=("criticals",),
-            success=criticals.WELL,
+            success=criticals.SUCCESSFUL,
             table="criticals",
             duration=Durations.of_campbell_speed,
             most=lambda case: case.criticals.points,
@@ -235,7 +235,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
         ),
         "refine": _Extent(
             groups=("refinement",),
-            success=frozenset({refine.FINISHED}),
+            success=frozenset({refine.ALL_RECOMPUTED}),
             table="refine",
             duration=Durations.of_refined_point,
             free=frozenset({"points_per_curve"}),
@@ -262,7 +262,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
         ),
     }
 )
-"""Every stage but the run in time, which measures itself."""
+"""Every stage but the transient, which measures itself."""
 
 
 def _found(stage: str, named: NamedCase, store: Store | None) -> Planned:
@@ -339,7 +339,7 @@ def _run_in_time(named: NamedCase, store: Store | None, store_path: Path | None)
         return Planned(named.case_id, "transient", StageStatus.NOTHING, 0, None, ahead.seconds, note)
     there = StageStatus.PARTIAL
     if ahead.steps == 0:
-        there = StageStatus.COMPLETE if own[0]["stop_reason"] in transient.COMPLETE else StageStatus.FAILED
+        there = StageStatus.COMPLETE if own[0]["stop_reason"] in transient.SUCCESSFUL else StageStatus.FAILED
     most = int(own[0]["dimensions"]["sample"])
     return Planned(
         named.case_id, "transient", there, begun[0], most, ahead.seconds, note if ahead.steps else ""

@@ -152,10 +152,10 @@ class TorusRecorder:
         circle: PeriodCircle,
         branch: Branch,
         case: Case,
-        told: Callable[[TorusPoint, TorusState], None],
+        report_point: Callable[[TorusPoint, TorusState], None],
     ) -> None:
         self._machine, self._circle, self._branch = machine, circle, branch
-        self._case, self._told = case, told
+        self._case, self._report_point = case, report_point
         self._shape: TorusShape | None = None
 
     def limit(self, point: TorusPoint) -> str | None:
@@ -168,7 +168,7 @@ class TorusRecorder:
         assert self._shape is not None
         row = point_row(self._case, self._circle, point, state, self._shape)
         self._branch.commit(row, _slots(state))
-        self._told(point, state)
+        self._report_point(point, state)
 
 
 def point_row(

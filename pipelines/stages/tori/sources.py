@@ -90,7 +90,7 @@ class BornTori:
 
     def starts(self, job: Job) -> Iterator[FirstTorus | NoStart]:
         for factor in BORN_AMPLITUDES:
-            amplitude = factor * job.case.case.continue_tori.amplitude
+            amplitude = factor * job.case.continue_tori.amplitude
             born = torus_from_event(self.cycles, self.event, amplitude, self.fourier)
             if born is not None:
                 yield FirstTorus(born.problem, born.start, born.direction)
@@ -224,13 +224,13 @@ def forced_cycles(machine: Machine, case: Case) -> tuple[Case, CycleProblem]:
 
 def born_tori(job: Job, origin: Origin, event: Event, turns: int) -> BornTori:
     """The tori of a case at a Neimark-Sacker point."""
-    case = job.case.case
+    case = job.case
     cycles = with_multiplied_period(forced_cycles(job.machine, case)[1], turns)
     return BornTori(case, origin, cycles, event, turns, fourier_options(case))
 
 
 def unbalanced_tori(job: Job, direction: int) -> UnbalancedTori:
     """The tori of a case around its cycle."""
-    along, cycles = forced_cycles(job.machine, job.case.case)
+    along, cycles = forced_cycles(job.machine, job.case)
     masses = unbalance_masses(along)
     return UnbalancedTori(job.machine, along, cycles, masses, direction, fourier_options(along))

@@ -61,7 +61,7 @@ class RunStop(Enum):
         return str(self.value[1])
 
 
-COMPLETE = frozenset({RunStop.FINISHED.word, RunStop.TOUCH.word, RunStop.VACUUM.word})
+SUCCESSFUL = frozenset({RunStop.FINISHED.word, RunStop.TOUCH.word, RunStop.VACUUM.word})
 
 
 def transient(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
@@ -138,8 +138,8 @@ def _follow(run: Run, branch: BranchWriter, case_id: str, report: Report, should
             branch.finish(*_stop(run, block))
             return
         now = run.plan.time(position.step)
-        told = f"time {now:.6g}, speed {float(run.drive.speed(np.array(now))):.5g}"
-        report(Progress("transient", case_id, position.samples, run.plan.samples, told))
+        message = f"time {now:.6g}, speed {float(run.drive.speed(np.array(now))):.5g}"
+        report(Progress("transient", case_id, position.samples, run.plan.samples, message))
     branch.finish(RunStop.FINISHED.word)
 
 
@@ -212,7 +212,7 @@ def _result(case: NamedCase, store: Store, group: str) -> StageResult:
     found = read_group(store, group, ("time", "speed", "minimum_film"))
     attributes = found.attributes
     reason = attributes["stop_reason"] or "stopped on request"
-    ok = attributes["status"] != ENDED or reason in COMPLETE
+    ok = attributes["status"] != ENDED or reason in SUCCESSFUL
     summary: dict[str, Any] = {"group": group.split("/", 2)[2], "samples": found.n_points}
     if found.n_points:
         summary |= {
