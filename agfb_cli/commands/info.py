@@ -41,13 +41,13 @@ def info(
 
 def add_step_errors(content: Mapping[str, Any]) -> None:
     """Add to every group at how many of its points the time-step error is unknown."""
-    from pipelines.datasets.store import open_for_reading
+    from pipelines.datasets.store import case_group, open_for_reading
     from pipelines.stages.step_errors import count_in
 
     store = open_for_reading(content["path"])
     for name, described in content["cases"].items():
         for group, state in described["groups"].items():
-            state["points_without_step_error"] = count_in(store, [f"cases/{name}/{group}"])[0]
+            state["points_without_step_error"] = count_in(store, [case_group(name, group)])[0]
 
 
 def show(content: Mapping[str, Any], console: Console) -> None:

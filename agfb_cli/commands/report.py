@@ -127,8 +127,9 @@ def show(
 def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:
     """Largest error of the condensed rotor's modes, None where not known, and the caution with it."""
     from pipelines.datasets.reading import read_group
+    from pipelines.datasets.store import case_group
 
-    group = f"cases/{case}/criticals"
+    group = case_group(case, "criticals")
     attributes = read_group(store, group, ()).attributes if store.has_group(group) else {}
     return attributes.get("condensation_error"), attributes.get("caution", "")
 
@@ -136,9 +137,10 @@ def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:
 def unknown_step_errors(store: StoreOnDisk, case: str) -> tuple[int, int]:
     """Points of the case's curves whose error by the time steps is unknown, and all of their points."""
     from pipelines.datasets.reading import list_groups
+    from pipelines.datasets.store import local_name
     from pipelines.stages.step_errors import count_in
 
-    curves = [name for name in list_groups(store, case) if name.split("/")[2] in CURVES]
+    curves = [name for name in list_groups(store, case) if local_name(name).split("/")[0] in CURVES]
     return count_in(store, curves)
 
 

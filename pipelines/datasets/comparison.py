@@ -26,7 +26,7 @@ from pipelines.datasets.curves import BifurcationCurve, read_curve
 from pipelines.datasets.metadata import CHECKSUM, GroupMetadata, read_group_metadata
 from pipelines.datasets.reading import list_cases, list_groups, read_group
 from pipelines.datasets.schema import KINDS, GroupSpec
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group
 
 Array = NDArray[Any]
 
@@ -162,7 +162,7 @@ def compare_stores(first: Store, second: Store, tolerance: float) -> StoreCompar
 def _places(store: Store) -> set[str]:
     cases = list_cases(store)
     groups = {group for case in cases for group in list_groups(store, case)}
-    return groups | {f"cases/{case}" for case in cases}
+    return groups | {case_group(case) for case in cases}
 
 
 def _outermost(names: set[str]) -> tuple[str, ...]:

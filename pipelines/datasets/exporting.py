@@ -22,7 +22,7 @@ from pipelines.datasets.durable import replace_file
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS, Array, ArraySpec
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, local_name
 
 WIDEST = 64
 _OF_THE_STORE = ("dimensions", "arrays", "attributes_crc32c")  # and the first is a name in netCDF itself
@@ -158,7 +158,7 @@ def _mat(store: Store, case: str, full: bool) -> bytes:
         }
         struct["units"] = {array[:_LONGEST_NAME]: _spec(group, array).units for array in group.arrays}
         struct["attributes"] = json.dumps(dict(group.attributes))
-        content[name.split("/", 2)[2].replace("/", "_")] = struct
+        content[local_name(name).replace("/", "_")] = struct
     stream = io.BytesIO()
     savemat(stream, content, long_field_names=True, do_compression=True)
     return stream.getvalue()

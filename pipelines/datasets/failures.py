@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pipelines.datasets.durable import replace_file, sweep_partials
 from pipelines.datasets.locking import GroupLock
 from pipelines.datasets.metadata import CASE, FAILURES, METADATA, encode_group, read_group_metadata
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Failure:
 
 def read_failures(store: Store, case: str) -> list[Failure]:
     """The reason of every stage that failed in its last run on a case, sorted by stage; raises StoreError."""
-    failed = read_group_metadata(store.path, f"cases/{case}", CASE).attributes.get(FAILURES, {})
+    failed = read_group_metadata(store.path, case_group(case), CASE).attributes.get(FAILURES, {})
     return [Failure(case, stage, **why) for stage, why in sorted(failed.items())]
 
 
@@ -44,7 +44,7 @@ def clear_failure(store: Store, case: str, stage: str) -> None:
 
 
 def _replace(store: Store, case: str, stage: str, why: Mapping[str, str] | None) -> None:
-    group = f"cases/{case}"
+    group = case_group(case)
     with GroupLock(store.path, group, wait=True):
         metadata = read_group_metadata(store.path, group, CASE)
         sweep_partials(metadata.folder, below=False)

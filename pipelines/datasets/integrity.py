@@ -24,7 +24,7 @@ from pipelines.datasets.metadata import (
 )
 from pipelines.datasets.reading import committed_rows
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_reading
+from pipelines.datasets.store import Store, case_group, open_for_reading
 
 DEEPEST_GROUP = 4  # cases, CASE, cycles, b000
 
@@ -118,7 +118,7 @@ def _missing_cases(store: Store, groups: Mapping[str, GroupMetadata]) -> Iterato
     """Cases of the store's configuration without a folder."""
     for case in store.attributes.get("configuration", {}):
         path = store.path / "cases" / case
-        if f"cases/{case}" not in groups and not path.is_dir():
+        if case_group(case) not in groups and not path.is_dir():
             yield Finding(path, "the case is missing", "Restore this folder from a copy of the store")
 
 

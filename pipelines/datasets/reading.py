@@ -20,7 +20,7 @@ from pipelines.datasets.metadata import (
 )
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS, Array
-from pipelines.datasets.store import Store, open_for_reading
+from pipelines.datasets.store import Store, case_group, local_name, open_for_reading
 
 
 def list_cases(store: Store) -> list[str]:
@@ -30,7 +30,7 @@ def list_cases(store: Store) -> list[str]:
 
 def case_attributes(store: Store, case: str) -> dict[str, Any]:
     """Attributes of a case: name, parameters, scales."""
-    return read_group_metadata(store.path, f"cases/{case}", CASE).attributes
+    return read_group_metadata(store.path, case_group(case), CASE).attributes
 
 
 def list_groups(store: Store, case: str) -> list[str]:
@@ -41,8 +41,8 @@ def list_groups(store: Store, case: str) -> list[str]:
     """
     case_attributes(store, case)
     found = []
-    for name in _members(store, f"cases/{case}"):
-        path = f"cases/{case}/{name}"
+    for name in _members(store, case_group(case)):
+        path = case_group(case, name)
         kind = read_group_metadata(store.path, path).kind
         found += [f"{path}/{inner}" for inner in _members(store, path)] if kind == CONTAINER else [path]
     return found
@@ -132,7 +132,7 @@ def describe(store: Store | Path | str) -> dict[str, Any]:
 
 
 def _describe_case(store: Store, case: str) -> dict[str, Any]:
-    groups = {group.split("/", 2)[2]: _describe_group(store, group) for group in list_groups(store, case)}
+    groups = {local_name(group): _describe_group(store, group) for group in list_groups(store, case)}
     attributes = case_attributes(store, case)
     return {"name": attributes.get("name", case), "groups": groups, "failures": attributes.get(FAILURES, {})}
 

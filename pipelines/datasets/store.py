@@ -52,6 +52,19 @@ __all__ = [
 ]
 
 
+def case_group(case: str, *names: str) -> str:
+    """The name of a group of a case: kb10, ``cycles/b000`` -> ``cases/kb10/cycles/b000``.
+
+    Without ``names`` that of the case itself.
+    """
+    return "/".join(("cases", case, *names))
+
+
+def local_name(group: str) -> str:
+    """The name of a group within its case: ``cases/kb10/cycles/b000`` -> ``cycles/b000``."""
+    return group.split("/", 2)[2]
+
+
 @dataclass(frozen=True)
 class Store:
     """An open store. ``attributes`` are those of the root. ``durable`` forces every write to disk (fsync)."""
@@ -99,7 +112,7 @@ def _build(
     folder: Path, cases: Mapping[str, Mapping[str, Any]], provenance: Mapping[str, Any], durable: bool
 ) -> None:
     groups: dict[str, tuple[str, Mapping[str, Any]]] = {"": (ROOT, provenance), "cases": (CONTAINER, {})}
-    groups |= {f"cases/{identifier}": (CASE, attributes) for identifier, attributes in cases.items()}
+    groups |= {case_group(identifier): (CASE, attributes) for identifier, attributes in cases.items()}
     for group, (kind, attributes) in groups.items():
         place = group_folder(folder, group)
         make_folder(place, durable=durable)

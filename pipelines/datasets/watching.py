@@ -21,6 +21,7 @@ from pipelines.datasets.locking import GroupLock
 from pipelines.datasets.metadata import METADATA
 from pipelines.datasets.reading import describe
 from pipelines.datasets.records import COMPLETE, ENDED, RUNNING
+from pipelines.datasets.store import case_group
 
 NOT_BEGUN, INTERRUPTED = "not begun", "interrupted"
 _GEOMETRY = "machine"  # the kind of group that is made with the store
@@ -85,7 +86,7 @@ def _states(path: Path, moment: float) -> list[GroupState]:
         for group, state in described["groups"].items():
             if state["kind"] == _GEOMETRY:
                 continue
-            name = f"cases/{case}/{group}"
+            name = case_group(case, group)
             writer = _writer(Path(content["path"]), name) if name in known else None
             has_ended = state["status"] in (None, ENDED, COMPLETE)
             metadata = Path(content["path"]) / name / METADATA

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
-from pipelines.datasets.store import Store, StoreError
+from pipelines.datasets.store import Store, StoreError, case_group, local_name
 from pipelines.figures.axes import AxisScales
 from pipelines.figures.contents import CaseView, Table
 from pipelines.figures.runs import RUN_ARRAYS, RunView
@@ -65,7 +65,7 @@ def read_case(
     None where the case itself cannot be read.
     """
     try:
-        groups = [name.split("/", 2)[2] for name in list_groups(store, case)]
+        groups = [local_name(name) for name in list_groups(store, case)]
         view = _case_view(store, case, groups)
     except StoreError as error:
         notify(f"{case} is left out: {error.message}")
@@ -78,7 +78,7 @@ def read_case(
         try:
             tables[name] = _table(store, case, name)
         except StoreError as error:
-            notify(f"cases/{case}/{name} is left out: {error.message}")
+            notify(f"{case_group(case, name)} is left out: {error.message}")
             damaged.append(error)
     return CaseTables(view, tables)
 
@@ -90,7 +90,7 @@ def _is_search_line(group: str) -> bool:
 
 def _table(store: Store, case: str, name: str) -> Table:
     arrays = RUN_ARRAYS if kind_of(name) == "transient" else None
-    group = read_group(store, f"cases/{case}/{name}", arrays)
+    group = read_group(store, case_group(case, name), arrays)
     return Table(group.labelled(), group.attributes)
 
 

@@ -13,7 +13,7 @@ from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.reading import list_groups, metadata_stamp, read_group
 from pipelines.datasets.records import Group
-from pipelines.datasets.store import Store, open_for_writing
+from pipelines.datasets.store import Store, case_group, local_name, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.machine.condensation import master_freedoms
 from pipelines.machine.shaft import NODE_FREEDOMS
@@ -50,7 +50,7 @@ class Job:
 
     def path(self, group: str) -> str:
         """Full name of one of the case's groups: cycles/b000 -> cases/kb10/cycles/b000."""
-        return f"cases/{self.case_id}/{group}"
+        return case_group(self.case_id, group)
 
     def read(self, group: str, names: Sequence[str] | None = None) -> Group:
         """One of the case's groups, read again if something was committed to it since."""
@@ -63,7 +63,7 @@ class Job:
 
     def groups(self, *containers: str) -> list[str]:
         """The case's groups within containers such as cycles, pd or ns, sorted by name."""
-        known = (name.split("/", 2)[2] for name in list_groups(self.store, self.case_id))
+        known = (local_name(name) for name in list_groups(self.store, self.case_id))
         return [name for name in known if name.split("/")[0] in containers]
 
 

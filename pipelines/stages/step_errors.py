@@ -8,7 +8,7 @@ import numpy as np
 
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, local_name
 
 STEP_ERROR = "step_error"
 NAME = "time-step error unknown"
@@ -34,7 +34,7 @@ def count_in(store: Store, groups: Iterable[str]) -> Count:
 
     Raises StoreError for one that cannot be read.
     """
-    held = (group for group in groups if group.split("/")[2] in _CONTAINERS)
+    held = (group for group in groups if local_name(group).split("/")[0] in _CONTAINERS)
     return count(read_group(store, group, (STEP_ERROR,)) for group in held)
 
 

@@ -23,7 +23,7 @@ from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_writing
+from pipelines.datasets.store import Store, case_group, open_for_writing
 from pipelines.stages.calibration.fit import Evaluation, Fit, NoEvaluationsLeft, fit
 from pipelines.stages.calibration.onset_speed import FAILED, FOUND
 from pipelines.stages.calibration.targets import Reached, reached
@@ -54,7 +54,7 @@ def calibrate(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
     settings = case.case.calibrate
     if settings is None:
         return StageResult(case.case_id, False, NO_TABLE, "give calibrate.parameters and calibrate.targets")
-    store, group = open_for_writing(store_path), f"cases/{case.case_id}/{GROUP}"
+    store, group = open_for_writing(store_path), case_group(case.case_id, GROUP)
     with _open(store, group, case.case, settings) as branch:
         if not branch.is_complete(OUT_OF_EVALUATIONS, settings.max_evaluations):
             try:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pipelines.case.models import Calibrate, CalibrationTarget, Case
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED, Group
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group
 from pipelines.stages.calibration.calibrate import CONVERGED, GROUP, start_position, value_at, values_at
 from pipelines.stages.calibration.onset_speed import FAILED, STATUSES
 
@@ -92,7 +92,7 @@ def read_calibration(store: Store, case_id: str, case: Case) -> Calibration | No
 
     ``case`` is the configuration that it belongs to.  Raises StoreError for a damaged group.
     """
-    settings, name = case.calibrate, f"cases/{case_id}/{GROUP}"
+    settings, name = case.calibrate, case_group(case_id, GROUP)
     if settings is None or not store.has_group(name):
         return None
     group = read_group(store, name)

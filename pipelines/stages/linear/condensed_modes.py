@@ -13,7 +13,7 @@ from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import Scales
 from pipelines.datasets.reading import read_group
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.condensation_error import (
@@ -130,7 +130,7 @@ def condensation_caution(case: NamedCase, store: Store) -> str:
     The caution of `criticals` if the store has them, else one from the operating and the highest speed.
     Empty without an equilibrium.
     """
-    group = f"cases/{case.case_id}/criticals"
+    group = case_group(case.case_id, "criticals")
     if store.has_group(group):
         return str(read_group(store, group, ()).attributes.get("caution", ""))
     machine, parameters = build_machine(case.case), parameter_vector(case.case)

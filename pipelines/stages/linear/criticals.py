@@ -15,7 +15,7 @@ from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_writing
+from pipelines.datasets.store import Store, case_group, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.condensation_check import CondensationComparison, compare_condensation
 from pipelines.orbits.equilibria.campbell import CampbellDiagram, campbell_diagram
@@ -46,7 +46,7 @@ SUCCESSFUL = missing_speeds.SUCCESSFUL | {NO_CRITICAL}  # reasons that are no fa
 
 def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Write the group ``criticals`` of a case at once; recomputed only if its table has changed."""
-    store, group = open_for_writing(store_path), f"cases/{case.case_id}/criticals"
+    store, group = open_for_writing(store_path), case_group(case.case_id, "criticals")
     request = case.case.criticals.model_dump(mode="json")
     if store.has_group(group) and read_group(store, group, ()).attributes.get("request") == request:
         return _result(case.case_id, store, group)

@@ -15,7 +15,7 @@ from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
-from pipelines.datasets.store import open_for_writing
+from pipelines.datasets.store import case_group, open_for_writing
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, Equilibrium, at_rest, equilibrium_along
@@ -41,7 +41,7 @@ def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
     machine, parameters = build_machine(case.case), reference_parameters(case.case)
     table = case.case.linearize
     speeds = np.linspace(*table.speed_range, table.points)
-    group = f"cases/{case.case_id}/linear"
+    group = case_group(case.case_id, "linear")
     with open_branch(
         store, group, "linear", _sizes(machine, case.case), {"whirl_ratio": np.array(table.whirl_ratios)},
         {"request": table.model_dump(mode="json")},

@@ -14,7 +14,7 @@ from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, local_name
 from pipelines.stages.parameter_columns import stored_parameters
 
 Array = NDArray[np.float64]
@@ -85,12 +85,11 @@ def stored_points(store: Store, case_id: str, per_curve: int) -> list[StoredPoin
 
 def _groups(store: Store, case_id: str) -> list[Group]:
     """Branches and curves in the order of ``SOURCES``, first halves of curves before second halves."""
-    prefix = f"cases/{case_id}/"
-    names = [name for name in list_groups(store, case_id) if _source(name.removeprefix(prefix)) is not None]
-    groups = [read_group(store, name, _arrays(name.split("/")[2])) for name in names]
+    names = [name for name in list_groups(store, case_id) if _source(local_name(name)) is not None]
+    groups = [read_group(store, name, _arrays(local_name(name).split("/")[0])) for name in names]
 
     def place(group: Group) -> tuple[int, int, str]:
-        source = _source(group.name.removeprefix(prefix))
+        source = _source(local_name(group.name))
         return source or 0, int(group.attributes.get("half") or 0), group.name
 
     return sorted(groups, key=place)
@@ -110,7 +109,7 @@ def _source(name: str) -> int | None:
 
 
 def _place(group: Group) -> tuple[int, int]:
-    name = group.name.split("/", 2)[2]
+    name = local_name(group.name)
     source = _source(name)
     assert source is not None
     return source, int(name.removeprefix(SOURCES[source]))

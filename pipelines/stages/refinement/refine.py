@@ -18,7 +18,7 @@ from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_writing
+from pipelines.datasets.store import Store, case_group, open_for_writing
 from pipelines.machine.assembly import build_machine
 from pipelines.stages.parameter_columns import parameter_columns
 from pipelines.stages.refinement.levels import (
@@ -45,7 +45,7 @@ def refine(case: NamedCase, store_path: Path, report: Report, should_stop: Shoul
 
     Points that already have a row are left alone.
     """
-    store, group = open_for_writing(store_path), f"cases/{case.case_id}/refinement"
+    store, group = open_for_writing(store_path), case_group(case.case_id, "refinement")
     points = stored_points(store, case.case_id, case.case.refine.points_per_curve)
     known = _known(store, group)
     waiting = [point for point in points if point.key not in known]

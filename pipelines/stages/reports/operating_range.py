@@ -22,7 +22,7 @@ from pipelines.datasets.curves import CURVE_CONTAINERS, BifurcationCurve, read_c
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_writing
+from pipelines.datasets.store import Store, case_group, local_name, open_for_writing
 from pipelines.stages.reports.first_boundary import UNSET, Boundary, SpeedPlane, lower_envelope
 
 Array = NDArray[np.float64]
@@ -196,7 +196,7 @@ def stored_plane(store: Store, case: str) -> StoredPlane:
     Raises NoSetError where the case has neither curves nor a set over the speed, StoreError for damaged
     groups.
     """
-    groups = {name.split("/", 2)[2]: name for name in list_groups(store, case)}
+    groups = {local_name(name): name for name in list_groups(store, case)}
     searched = (
         read_group(store, groups["bifurcation_set"], ()).attributes if "bifurcation_set" in groups else {}
     )
@@ -232,7 +232,7 @@ def _plane(
 def _curves(read: Sequence[Group], parameters: Sequence[str]) -> tuple[BifurcationCurve, ...]:
     """The curves of the plane for cycles of the excitation period."""
     curves = [
-        read_curve(group.name.split("/", 2)[2], group.labelled(), group.attributes)
+        read_curve(local_name(group.name), group.labelled(), group.attributes)
         for group in read
         if list(group.attributes["parameters"]) == list(parameters)
     ]
@@ -367,7 +367,7 @@ def write_operating_range(store: Store, case: str, found: OperatingRange) -> boo
     """
     try:
         writable = open_for_writing(store.path, durable=store.durable)
-        write_group(writable, f"cases/{case}/{GROUP}", GROUP, found.arrays(), found.attributes())
+        write_group(writable, case_group(case, GROUP), GROUP, found.arrays(), found.attributes())
     except OSError as error:
         if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
             return False

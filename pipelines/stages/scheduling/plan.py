@@ -18,7 +18,7 @@ from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import COMPLETE
-from pipelines.datasets.store import Store, open_for_reading
+from pipelines.datasets.store import Store, local_name, open_for_reading
 from pipelines.stages.calibration import calibrate
 from pipelines.stages.curves import bifurcation_set, track_curves
 from pipelines.stages.cycles import continue_cycles
@@ -280,9 +280,7 @@ def _groups(store: Store | None, case_id: str) -> dict[str, Attributes]:
     """Attributes of the groups of a case by name."""
     if store is None:
         return {}
-    return {
-        name.split("/", 2)[2]: read_group(store, name, ()).attributes for name in list_groups(store, case_id)
-    }
+    return {local_name(name): read_group(store, name, ()).attributes for name in list_groups(store, case_id)}
 
 
 def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> StageStatus:

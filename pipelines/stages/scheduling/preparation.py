@@ -12,7 +12,7 @@ from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.provenance import provenance
-from pipelines.datasets.store import create_store, open_for_writing
+from pipelines.datasets.store import case_group, create_store, open_for_writing
 from pipelines.machine.assembly import parameter_vector
 from pipelines.stages.parameter_columns import parameter_attributes
 
@@ -31,7 +31,7 @@ def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequ
             store_path, {named.case_id: case_attributes(named) for named in named_cases}, root
         )
     for named in named_cases:
-        group = f"cases/{named.case_id}/machine"
+        group = case_group(named.case_id, "machine")
         if not store.has_group(group):
             write_group(store, group, "machine", *geometry(named.case))
 

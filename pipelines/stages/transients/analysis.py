@@ -13,7 +13,7 @@ from pipelines.datasets.branch import write_group
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import TRANSIENT_ANALYSIS
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, local_name
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, with_stand_ins
 from pipelines.orbits.time_runs.classification import RETURNS, Classification, classify
@@ -101,7 +101,7 @@ def write_transient_analysis(store: Store, machine: Machine, run: str) -> str:
     found = read_group(store, run, _NEEDED)
     arrays, skipped = analyse(samples_of(found), machine)
     attributes = {
-        "source": run.split("/", 2)[2],
+        "source": local_name(run),
         "skipped": skipped,
         "energy_joules": machine.scales.force * machine.scales.displacement,
     }

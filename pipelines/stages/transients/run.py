@@ -16,7 +16,7 @@ from pipelines.case.reading import NamedCase
 from pipelines.case.scales import Scales
 from pipelines.datasets.layout import LARGEST_ROWS
 from pipelines.datasets.reading import read_group
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector, with_stand_ins
 from pipelines.machine.extremes import FILM, LOW_PRESSURE, OBSERVED, machine_extremes
@@ -94,7 +94,7 @@ def _place(
 ) -> tuple[str, Mapping[str, Any] | None, bool]:
     """The group with this request and its attributes, or the first free one, and whether it has begun."""
     for number in range(MOST_RUNS):
-        group = f"cases/{named.case_id}/transient/t{number:03d}"
+        group = case_group(named.case_id, f"transient/t{number:03d}")
         if store is None or not store.has_group(group):
             return group, None, False
         found = read_group(store, group, ())

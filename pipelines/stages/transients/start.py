@@ -12,7 +12,7 @@ from pipelines.case.reading import NamedCase
 from pipelines.case.scales import PARAMETERS
 from pipelines.case.transient_settings import EQUILIBRIUM
 from pipelines.datasets.reading import list_groups, read_group
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group, local_name
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, parameter_vector, with_stand_ins
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
@@ -81,10 +81,10 @@ def _equilibrium(named: NamedCase, machine: Machine, speed: float | None, displa
 
 def _stored(named: NamedCase, store: Store | None, name: str) -> StartState:
     """A row of a branch or a checkpoint of a transient of the same case."""
-    group = f"cases/{named.case_id}/{name}"
+    group = case_group(named.case_id, name)
     if store is None or not store.has_group(group):
         known = [] if store is None else list_groups(store, named.case_id)
-        own = [path.split("/", 2)[2] for path in known if "/cycles/" in path or "/transient/" in path]
+        own = [local_name(path) for path in known if "/cycles/" in path or "/transient/" in path]
         there = f"there are {', '.join(own)}" if own else "there is no branch and no run yet"
         raise CannotRunError(
             f"transient.start = {name}: the store has no such group for the case {named.case_id}; {there}",

@@ -14,7 +14,7 @@ from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
-from pipelines.datasets.store import Store, open_for_reading, open_for_writing
+from pipelines.datasets.store import Store, local_name, open_for_reading, open_for_writing
 from pipelines.machine.extremes import FILM, HIGH_FOIL, HIGH_PRESSURE, LOW_FOIL, LOW_PRESSURE, OBSERVED
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.time_runs.transient import Block, Position, Status, advance, starting_position
@@ -213,7 +213,7 @@ def _result(case: NamedCase, store: Store, group: str) -> StageResult:
     attributes = found.attributes
     reason = attributes["stop_reason"] or "stopped on request"
     ok = attributes["status"] != ENDED or reason in SUCCESSFUL
-    summary: dict[str, Any] = {"group": group.split("/", 2)[2], "samples": found.n_points}
+    summary: dict[str, Any] = {"group": local_name(group), "samples": found.n_points}
     if found.n_points:
         summary |= {
             "time": float(found["time"][-1]),
