@@ -10,4 +10,5 @@
 - scales, ring_statics: dimensionless variables and parameters; deformation of the active ring
 - sweeps, reading, locating, rewriting: from TOML text to cases, with line numbers; and back into the text
 - identity, reference: the hash of a case; the reference of all keys
+- arrays: types of arrays, for all layers above
 """

@@ -17,7 +17,6 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import KDTree
 
@@ -25,10 +24,8 @@ from pipelines.case.identity import differences
 from pipelines.datasets.curves import BifurcationCurve, read_curve
 from pipelines.datasets.metadata import CHECKSUM, GroupMetadata, read_group_metadata
 from pipelines.datasets.reading import list_cases, list_groups, read_group
-from pipelines.datasets.schema import KINDS, GroupSpec
+from pipelines.datasets.schema import KINDS, Array, GroupSpec
 from pipelines.datasets.store import Store, case_group
-
-Array = NDArray[Any]
 
 # Attributes that say how much room there is, what was asked for and what a curve started from: no results.
 NOT_RESULTS = frozenset(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
 
 CURVE_CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
 FINISHED = frozenset(

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.scales import PARAMETERS
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS, machine_rates, machine_tangent
 from pipelines.machine.shifted import factors_size, machine_factorise, machine_solve
 from pipelines.orbits.system import DynamicalSystem, ShiftedSolver
-
-Array = NDArray[np.float64]
 
 
 def machine_system(machine: Machine, forced: bool = True) -> DynamicalSystem:

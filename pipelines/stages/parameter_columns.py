@@ -9,14 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.scales import PARAMETERS
 from pipelines.machine.assembly import with_stand_ins
-
-Array = NDArray[np.float64]
 
 
 def parameter_columns(case: Case, parameters: Array, prefix: str = "") -> dict[str, float]:

@@ -20,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from pipelines.case.arrays import Array, ComplexArray
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rotor_modes import whirl_directions
 from pipelines.orbits.equilibria.equilibrium import equilibrium_along
 from pipelines.orbits.equilibria.followed_mode import FollowedMode, LostModeError
-from pipelines.orbits.equilibria.linear import Array, ComplexArray, at_speed
+from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.orbits.equilibria.modes import LARGEST_DAMPING_RATIO, Match, ModeSet, match_modes, modes_at
 
 # Modes up to this many times the highest speed are followed.

@@ -21,11 +21,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array, ComplexArray
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rotor_modes import whirl_directions
 from pipelines.orbits.equilibria.campbell import DAMPING_MARGIN, TOP, CampbellDiagram
 from pipelines.orbits.equilibria.followed_mode import FollowedMode, LostModeError
-from pipelines.orbits.equilibria.linear import Array, ComplexArray
 from pipelines.orbits.equilibria.modes import LARGEST_DAMPING_RATIO, Match, ModeSet
 
 Sides = NDArray[np.bool_]

@@ -9,16 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from pipelines.case.arrays import Array
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, with_grid
 from pipelines.machine.bearing import Bearing, film_state, linearise_bearing
 from pipelines.machine.regrid import regrid
-
-Array = NDArray[np.float64]
 
 # Equilibria are those of the machine with its rings resting in their mean position: excitation frequency 0.
 MEAN_PHASE = 0.0

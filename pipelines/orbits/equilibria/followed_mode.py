@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 from scipy.optimize import brentq
 
+from pipelines.case.arrays import Array
 from pipelines.machine.assembly import Machine
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
-from pipelines.orbits.equilibria.linear import Array, at_speed
+from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.orbits.equilibria.modes import ModeSet, match_modes, modes_at
 
 # How often the way is halved to a speed at which the mode cannot be told from others.

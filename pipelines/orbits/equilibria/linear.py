@@ -10,18 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import brentq
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, splu
 
+from pipelines.case.arrays import Array, ComplexArray
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine
 from pipelines.machine.bearing import Bearing, linearise_bearing
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, Equilibrium, at_rest, machine_equilibrium
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Below this size all eigenvalues of the dense matrix cost less than a few shift-invert sweeps.
 DENSE_SIZE = 300

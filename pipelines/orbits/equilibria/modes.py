@@ -19,10 +19,11 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import linear_sum_assignment
 
+from pipelines.case.arrays import Array, ComplexArray
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rotor_modes import translations
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest
-from pipelines.orbits.equilibria.linear import Array, ComplexArray, eigenpairs_near
+from pipelines.orbits.equilibria.linear import eigenpairs_near
 
 # Modes damped more than this are film and foil modes, of no interest to a rotor; those a little more damped
 # are known too, so that one whose damping changes is not lost.

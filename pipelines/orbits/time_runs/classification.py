@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.orbits.time_runs.envelope import growth_rate
-
-Array = NDArray[np.float64]
 
 RETURNS = (1, 2, 4, 8)  # periods after which a motion may repeat
 FEWEST_POINTS = 32  # four of every eighth one

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, signal
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
 
 _EQUAL = 1e-6  # relative distance of two equal frequencies
 _RIGID = 1e-9  # omega^2 of a rigid-body motion over the largest

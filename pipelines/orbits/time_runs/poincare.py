@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
 
 DEGREE = 5
 _NEWTON_STEPS = 30

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.calibrate_settings import number_at
 from pipelines.case.models import Calibrate, CalibrationParameter, Case
 from pipelines.case.reading import NamedCase
@@ -28,8 +28,6 @@ from pipelines.stages.calibration.fit import Evaluation, Fit, NoEvaluationsLeft,
 from pipelines.stages.calibration.onset_speed import FAILED, FOUND
 from pipelines.stages.calibration.targets import Reached, reached
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult, StopRequested
-
-Array = NDArray[np.float64]
 
 GROUP = "calibration"
 CONVERGED = "converged"

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
+
 Flags = NDArray[np.bool_]
 
 

@@ -12,12 +12,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchResult, BranchState, BranchStop
 from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
@@ -28,8 +26,6 @@ from pipelines.stages.cycles.problem import continuation_options, cycle_problem
 from pipelines.stages.cycles.start import Guard, NoStart, first_cycles, first_hopf
 from pipelines.stages.linear.linearize import leading_growth
 from pipelines.stages.results import ShouldStop, StopRequested
-
-Array = NDArray[np.float64]
 
 BELOW = (0.93, 0.8)  # of an expected onset: where a branch begins, the nearest first
 AROUND = (0.9, 1.1)  # of an expected onset: where a Hopf point is sought first, seen from so many speeds:

@@ -14,16 +14,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.models import Calibrate, CalibrationTarget, Case
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.store import Store, case_group
 from pipelines.stages.calibration.calibrate import CONVERGED, GROUP, start_position, value_at, values_at
 from pipelines.stages.calibration.onset_speed import FAILED, STATUSES
-
-Array = NDArray[np.float64]
 
 UNDETERMINED = 1e-3  # of the largest singular value
 PART = 0.1  # smallest component of a direction that is told

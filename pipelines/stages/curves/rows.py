@@ -13,6 +13,7 @@ from pipelines.bifurcations.curves.codimension_two import other_multipliers
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveProblem
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
@@ -20,8 +21,6 @@ from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.stages.parameter_columns import parameter_columns, stored_parameters
-
-Array = NDArray[np.float64]
 
 CONTAINERS: Mapping[EventKind, str] = {
     EventKind.PERIOD_DOUBLING: "pd",

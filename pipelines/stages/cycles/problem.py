@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pipelines.bifurcations.branch import ContinuationOptions
 from pipelines.bifurcations.detection import DetectionOptions
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
@@ -21,8 +18,6 @@ from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import steppers
 from pipelines.orbits.system import DynamicalSystem
-
-Array = NDArray[np.float64]
 
 ORBIT_SAMPLES = 64
 INITIAL_COLUMNS = 23  # and the parameter column: three lines of eight

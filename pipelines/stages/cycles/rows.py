@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipelines.bifurcations.branch import BranchPoint, BranchState
 from pipelines.bifurcations.detection import Event, EventKind, Resonance
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
@@ -19,8 +19,6 @@ from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.stages.job import coordinates
 from pipelines.stages.parameter_columns import parameter_columns, stored_parameters
-
-Array = NDArray[np.float64]
 
 SNAPSHOTS = 8
 EVENT_NAMES = (

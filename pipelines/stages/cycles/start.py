@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import (
@@ -18,6 +17,7 @@ from pipelines.bifurcations.branch import (
 )
 from pipelines.bifurcations.continuation import Limit
 from pipelines.bifurcations.detection import DetectionOptions, Event
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine
@@ -29,8 +29,6 @@ from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.orbits.time_steps import MOST_STEPS
 from pipelines.stages.cycles.problem import is_self_excited
 from pipelines.stages.linear.linearize import hopf_between, leading_growth
-
-Array = NDArray[np.float64]
 
 HOPF_SCAN_POINTS = 25
 

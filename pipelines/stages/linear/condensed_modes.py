@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import Scales
@@ -27,8 +28,6 @@ from pipelines.machine.condensation_error import (
 from pipelines.machine.rotor_modes import LinearBearing
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed, dynamic_stiffness
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

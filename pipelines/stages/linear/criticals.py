@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import write_group
@@ -32,8 +33,6 @@ from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.stages.linear import missing_speeds
 from pipelines.stages.linear.condensed_modes import LinearBearings, checked_modes, linear_bearings
 from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult, StopRequested
-
-Array = NDArray[np.float64]
 
 COMPARED_MODES = 8
 # The unbalance of the comparison: the rotor's mass, off its axis by this part of the clearance.

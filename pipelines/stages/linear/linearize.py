@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
@@ -29,8 +30,6 @@ from pipelines.orbits.equilibria.linear import (
 )
 from pipelines.stages.linear import missing_speeds
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
-
-Array = NDArray[np.float64]
 
 HIDDEN = "the instability lies at speeds without equilibrium"
 

@@ -15,10 +15,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
 
 _ORDERS = (1e-3, 16.0)  # between which the observed order is looked for
 _CLEAN = (0.5, 3.0)  # observed order / formal order that counts as convergence of that order

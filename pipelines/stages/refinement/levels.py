@@ -19,6 +19,7 @@ from pipelines.bifurcations.curve import CurveStart
 from pipelines.bifurcations.curves.fixed_parameter import FixedParameterPoint, locate_at_fixed_parameter
 from pipelines.bifurcations.plane import CurveProblem, metric_of
 from pipelines.bifurcations.switching import with_multiplied_period
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.scales import PARAMETERS
 from pipelines.machine.assembly import Machine, build_machine
@@ -27,8 +28,6 @@ from pipelines.orbits.shooting import CycleProblem
 from pipelines.stages.cycles.problem import cycle_problem
 from pipelines.stages.refinement.extrapolation import Extrapolation, extrapolate
 from pipelines.stages.refinement.points import StoredPoint
-
-Array = NDArray[np.float64]
 
 FORMAL_ORDERS = {"central": 2, "backward": 1}
 MORE_AXIAL = 2

@@ -7,17 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipelines.bifurcations.detection import EventKind
+from pipelines.case.arrays import Array
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, local_name
 from pipelines.stages.parameter_columns import stored_parameters
-
-Array = NDArray[np.float64]
 
 # Folder and first letter of the groups, in the order of the flag ``source``.
 SOURCES = ("cycles/b", "cycles/d", "pd/c", "ns/c", "folds/c")

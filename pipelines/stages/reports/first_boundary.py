@@ -16,9 +16,8 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.datasets.curves import BifurcationCurve
-
-Array = NDArray[np.float64]
 
 CRITICAL_MULTIPLIERS = {"period_doubling": 1, "neimark_sacker": 2, "fold": 1}
 NO_BIFURCATION = "none"

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.curves import CURVE_CONTAINERS, BifurcationCurve, read_curve
 from pipelines.datasets.reading import list_groups, read_group
@@ -24,8 +25,6 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, case_group, local_name, open_for_writing
 from pipelines.stages.reports.first_boundary import UNSET, Boundary, SpeedPlane, lower_envelope
-
-Array = NDArray[np.float64]
 
 GROUP = "operating_range"
 SPEED, FREQUENCY = "speed", "excitation_frequency"

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipelines.bifurcations.tori.circle_map import PeriodCircle
 from pipelines.bifurcations.tori.fourier import amplitudes, angles, resampled
 from pipelines.bifurcations.tori.problem import TorusUnknowns
 from pipelines.bifurcations.tori.torus import TorusPoint, TorusState
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import Branch, Resume
@@ -23,8 +23,6 @@ from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.stages.job import coordinates
 from pipelines.stages.parameter_columns import parameter_columns
-
-Array = NDArray[np.float64]
 
 UNDECIDED = -1  # number of unstable multipliers where growth rates do not tell it
 CURVE_ANGLES = 129  # of the stored curves of the masters, and at least as many for the extremes of a torus

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
@@ -22,7 +23,6 @@ from pipelines.orbits.time_runs.modal_energy import modal_energy, rotor_modes, s
 from pipelines.orbits.time_runs.poincare import Section, level_section, phase_section
 from pipelines.orbits.time_runs.spectrum import amplitude_spectrum, waterfall
 
-Array = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 
 KIND = TRANSIENT_ANALYSIS.kind

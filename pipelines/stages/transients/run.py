@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import Scales
@@ -28,8 +28,6 @@ from pipelines.orbits.time_runs.drive import Drive, Switching, make_drive
 from pipelines.orbits.time_runs.transient import DrivenSystem, Plan, choose_steps, trial_end
 from pipelines.stages.parameter_columns import parameter_attributes
 from pipelines.stages.transients.start import CannotRunError, StartState, start_state
-
-Array = NDArray[np.float64]
 
 MOST_BLOCKS = 100_000
 _SAME_DISPLACEMENT = 1e-12

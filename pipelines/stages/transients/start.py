@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import PARAMETERS
 from pipelines.case.transient_settings import EQUILIBRIUM
@@ -17,8 +17,6 @@ from pipelines.machine import film
 from pipelines.machine.assembly import Machine, parameter_vector, with_stand_ins
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.stages.parameter_columns import stored_parameters
-
-Array = NDArray[np.float64]
 
 
 class CannotRunError(Exception):

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
@@ -23,8 +23,6 @@ from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.transients.analysis import write_transient_analysis
 from pipelines.stages.transients.run import Outlook, Run, outlook_of, prepare_run
 from pipelines.stages.transients.start import CannotRunError
-
-Array = NDArray[np.float64]
 
 __all__ = ["CannotRunError", "Outlook", "RunStop", "outlook", "transient"]
 
