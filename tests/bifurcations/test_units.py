@@ -197,7 +197,8 @@ def tondl_curve(units: tuple[float, float], kind: EventKind, formulation: CurveF
 def test_curves(trace_curve: Any, kind: EventKind, formulation: CurveFormulation) -> None:
     run = trace_curve((1.0, 1.0), kind, formulation)
     assert run.specials
-    for size, time in UNITS if trace_curve is polar_curve else UNITS[1::2]:
+    # a curve of Tondl's system takes seconds
+    for size, time in UNITS if trace_curve is polar_curve else UNITS[-1:]:
         other = trace_curve((size, time), kind, formulation)
         assert [p.iterations for p in run.points] == [p.iterations for p in other.points]
         unit = np.array([1.0, time]) if trace_curve is tondl_curve else 1.0
