@@ -57,9 +57,11 @@ def kernel(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any
     def decorate(function: Callable[..., Any]) -> Any:
         compiled = njit(cache=True, **options)(function)
         cached = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-        if cached is not None and hasattr(cached, "_source_stamp"):
-            # internals of numba: where it has other ones, its own rule holds
+        if cached is not None and hasattr(cached, "_source_stamp") and hasattr(cached, "_version"):
+            # Internals of numba: where it has other ones, its own rule holds.  The version is compared before
+            # the rest is read, which fails where types of arguments, such as named tuples, are gone.
             cached._source_stamp = source_digest()
+            cached._version = f"{cached._version} {source_digest()}"
         if signature is not None and hasattr(compiled, "compile"):  # a plain function with NUMBA_DISABLE_JIT
             compiled.compile(signature)
             compiled.disable_compile()
