@@ -10,7 +10,7 @@ the first by Newton's method with the factors of the stage before, the second wi
 that the columns are the exact derivative of the discrete map.  A column costs one solve per stage.  See
 ``propagation`` for the meaning of the inhomogeneous columns and of Eq. 17.
 
-Columns are kept in chunks of LINE: ``lines`` (chunks, size * LINE) holds the rows of a chunk one after
+Columns are kept in chunks of LANES: ``lines`` (chunks, size * LANES) holds the rows of a chunk one after
 another.
 """
 
@@ -21,7 +21,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from pipelines.machine.kernels import FACTORISE_POINTER, RATES_POINTER, SOLVE_POINTER, TANGENT_POINTER, kernel
-from pipelines.machine.lines import LINE
+from pipelines.machine.lanes import LANES
 from pipelines.orbits.integration.propagation import (
     PARAMETER_DIFFERENCE,
     PHASE_DIFFERENCE,
@@ -92,11 +92,11 @@ def _add_inhomogeneous(system, phase, state, weight, growth, slope, trial, lines
     column_parameter, column_period, period = growth
     n = state.shape[0]
     for j in range(column_parameter.shape[0]):
-        block, c = lines[j // LINE], j % LINE
+        block, c = lines[j // LANES], j % LANES
         p = column_parameter[j]
         if column_period[j] != 0.0:
             for i in range(n):
-                block[i * LINE + c] += weight * column_period[j] / period * slope[i]
+                block[i * LANES + c] += weight * column_period[j] / period * slope[i]
         if p < 0:
             continue
         value = parameters[p]
@@ -105,7 +105,7 @@ def _add_inhomogeneous(system, phase, state, weight, growth, slope, trial, lines
             parameters[p] = value + sign * delta
             _rates_at(system, phase, state, trial)
             for i in range(n):
-                block[i * LINE + c] += sign * weight * 0.5 / delta * trial[i]
+                block[i * LANES + c] += sign * weight * 0.5 / delta * trial[i]
         parameters[p] = value
 
 
@@ -140,13 +140,13 @@ def _oscillator_lines(stage, weight, frequency, phase_slope, lines):  # type: ig
     a22 = 1.0 - weight * (1.0 - radius - 2.0 * s2 * s2)
     a12, a21 = -weight * (frequency - 2.0 * s1 * s2), weight * (frequency + 2.0 * s1 * s2)
     determinant = a11 * a22 - a12 * a21
-    for c in range(LINE):
-        r1, r2 = lines[n * LINE + c], lines[(n + 1) * LINE + c]
+    for c in range(LANES):
+        r1, r2 = lines[n * LANES + c], lines[(n + 1) * LANES + c]
         d1, d2 = (a22 * r1 - a12 * r2) / determinant, (a11 * r2 - a21 * r1) / determinant
-        lines[n * LINE + c], lines[(n + 1) * LINE + c] = d1, d2
+        lines[n * LANES + c], lines[(n + 1) * LANES + c] = d1, d2
         phase = weight * (s2 * d1 - s1 * d2) / radius
         for i in range(n):
-            lines[i * LINE + c] += phase * phase_slope[i]
+            lines[i * LANES + c] += phase * phase_slope[i]
 
 
 @kernel()
@@ -163,12 +163,12 @@ def _solve_stage(system, phase, weight, factored, right, factors, stage, slope, 
             factored, since = True, 0
         rates(phase, stage, parameters, constants, layout, work, slope)
         for i in range(n):
-            line[i * LINE] = right[i] + weight * slope[i] - stage[i]
+            line[i * LANES] = right[i] + weight * slope[i] - stage[i]
         solve(factors, constants, layout, work, line)
         update, size, total = 0.0, 1.0, 0.0
         for i in range(n):
-            stage[i] += line[i * LINE]
-            update = max(update, abs(line[i * LINE]))
+            stage[i] += line[i * LANES]
+            update = max(update, abs(line[i * LANES]))
             size = max(size, abs(stage[i]))
             total += abs(stage[i])  # a maximum passes over what is no number
         if not np.isfinite(total):
@@ -202,7 +202,7 @@ def _solve_columns(
         own = stages[chunk]
         if oscillator >= 0:
             _oscillator_lines(stage, weight, parameters[oscillator], phase_slope, own)
-        solve(factors, constants, layout, work, own[: n * LINE])
+        solve(factors, constants, layout, work, own[: n * LANES])
         _slopes_of(own, 1.0 / weight, line_slopes[chunk, i])
 
 
@@ -221,8 +221,8 @@ def _starting_lines(system, growth, phase, state, slope, lines, line_slopes, spa
     trial, phase_slope = spaces
     _phase_slope(system, phase, state, trial, phase_slope)
     for chunk in range(lines.shape[0]):
-        block = lines[chunk].reshape((state.shape[0], LINE))
-        out = line_slopes[chunk].reshape((state.shape[0], LINE))
+        block = lines[chunk].reshape((state.shape[0], LANES))
+        out = line_slopes[chunk].reshape((state.shape[0], LANES))
         tangent(phase, state[:n], block[:n], parameters, constants, layout, work, out[:n])
         if oscillator >= 0:
             oscillator_tangent(state, block, parameters[oscillator], phase_slope, out)
@@ -247,17 +247,17 @@ def _accumulate(weights, gradient, share, point, lines, line_slopes, stages, fun
     last = line_slopes.shape[1] - 1
     for chunk in range(lines.shape[0]):
         for i in range(gradient.shape[0]):
-            for c in range(LINE):
-                k = i * LINE + c
+            for c in range(LANES):
+                k = i * LANES + c
                 column = value * lines[chunk, k] + slope * line_slopes[chunk, 0, k]
                 column += end_value * stages[chunk, k] + end_slope * line_slopes[chunk, last, k]
-                functional[1 + chunk * LINE + c] += share * gradient[i] * column
+                functional[1 + chunk * LANES + c] += share * gradient[i] * column
 
 
 def aligned(count: int) -> NDArray[np.float64]:
     """Zeros that begin on a line of the cache, so that no line of columns straddles two."""
-    values = np.zeros(count + LINE)
-    first = -(values.ctypes.data // values.itemsize) % LINE
+    values = np.zeros(count + LANES)
+    first = -(values.ctypes.data // values.itemsize) % LANES
     return values[first : first + count]
 
 
@@ -265,7 +265,7 @@ def workspace_sizes(size: int, chunks: int, stages: int) -> tuple[int, int]:
     """Lengths of the two scratch vectors that ``propagate_implicit`` needs: for the orbit, for the
     columns.
     """
-    return (2 * stages + 4 + LINE) * size, (stages + 1) * chunks * size * LINE
+    return (2 * stages + 4 + LANES) * size, (stages + 1) * chunks * size * LANES
 
 
 @kernel(
@@ -280,8 +280,8 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
     steps, turn, period, oscillator, parameters, constants, layout, work, factors, state, lines,
     column_parameter, column_period, samples, gradient, functional, orbit_space, column_space, kept,
 ):  # fmt: skip
-    """Advance ``state`` (size,) and ``lines`` (chunks, size * LINE) in place over one period; -1, or the step
-    that failed.
+    """Advance ``state`` (size,) and ``lines`` (chunks, size * LANES) in place over one period; -1, or the
+    step that failed.
 
     ``predictor`` (stages, 2 stages): weights of the slopes of the last step and of this one that
     extrapolate to each stage.  ``samples`` (K, size) receives the orbit at tau1 = k / K, interpolated
@@ -291,12 +291,12 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
     Everything else as in ``propagation.propagate``.
     """
     n, stages, chunks = state.shape[0], a.shape[0], lines.shape[0]
-    h, base, width = period / steps, _base_size(state, oscillator), n * LINE
+    h, base, width = period / steps, _base_size(state, oscillator), n * LANES
     weight = h * a[1, 1]
     system = (parameters, constants, layout, work, oscillator, rates, tangent, factorise, solve)
     growth = (column_parameter, column_period, period)
 
-    line, rest = orbit_space[: base * LINE], orbit_space[width:]
+    line, rest = orbit_space[: base * LANES], orbit_space[width:]
     slopes = rest[: 2 * stages * n].reshape((2 * stages, n))  # of the last step, then of this one
     current, rest = slopes[stages:], rest[2 * stages * n :]
     right, stage, trial, phase_slope = rest[:n], rest[n : 2 * n], rest[2 * n : 3 * n], rest[3 * n : 4 * n]
@@ -377,7 +377,7 @@ def propagate_columns(  # type: ignore[no-untyped-def]
     ``propagate_implicit``.
     """
     n, stages, chunks = state.shape[0], a.shape[0], lines.shape[0]
-    h, width = period / steps, n * LINE
+    h, width = period / steps, n * LANES
     system = (parameters, constants, layout, work, -1, rates, tangent, factorise, solve)
     growth = (np.zeros(0, dtype=np.int64), np.zeros(0), period)
     slope, trial, phase_slope = orbit_space[:n], orbit_space[n : 2 * n], orbit_space[2 * n : 3 * n]

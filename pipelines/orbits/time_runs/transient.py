@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from pipelines.machine.film import DISPLACEMENT_RATE, SPEED
 from pipelines.machine.kernels import FACTORISE_POINTER, RATES_POINTER, SOLVE_POINTER, kernel
-from pipelines.machine.lines import LINE
+from pipelines.machine.lanes import LANES
 from pipelines.machine.unbalance import unbalance_factors
 from pipelines.orbits.integration.implicit import _hermite, _solve_stage, aligned
 from pipelines.orbits.integration.propagation import combine
@@ -97,7 +97,7 @@ def integrate(  # type: ignore[no-untyped-def]
     n, stages, pushed = state.shape[0], a.shape[0], push.shape[1]
     weight = h * a[1, 1]
     system = (parameters, constants, layout, work, -1, rates, rates, factorise, solve)
-    line, rest = space[: n * LINE], space[n * LINE :]
+    line, rest = space[: n * LANES], space[n * LANES :]
     slopes = rest[: 2 * stages * n].reshape((2 * stages, n))  # of the last step, then of this one
     current, rest = slopes[stages:], rest[2 * stages * n :]
     right, forced, stage, trial = rest[:n], rest[n : 2 * n], rest[2 * n : 3 * n], rest[3 * n : 4 * n]
@@ -293,7 +293,7 @@ def advance(
     state, running = position.state.copy(), position.running.copy()
     samples = np.empty((wanted, driven.recorded.stop - driven.recorded.start))
     extremes, told = np.empty((wanted, driven.observed)), np.zeros(3, dtype=np.int64)
-    space = aligned((LINE + 2 * stepper.stages + 4) * system.size + driven.observed)
+    space = aligned((LANES + 2 * stepper.stages + 4) * system.size + driven.observed)
     try:
         with np.errstate(all="ignore"):
             status = integrate(
