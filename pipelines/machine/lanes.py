@@ -6,7 +6,7 @@
 
 numba does not vectorise such short loops. ``vector_lanes`` writes the vector instructions down, through
 interfaces of numba and llvmlite that may change with any version. Where they have, or with AGFB_PLAIN_LANES=1
-in the environment, the loops of ``plain_lanes`` give the same numbers to rounding, several times slower.
+in the environment, the loops of ``plain_lanes`` give the same numbers to rounding and take twice the time.
 """
 
 from __future__ import annotations

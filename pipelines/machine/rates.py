@@ -11,9 +11,9 @@ Journal coordinates of a bearing are in units of its own clearance.
 
 Integers and constants of the machine, with n = ROTOR_SIZE (see ``film`` for those of a bearing):
 
-    layout    | ROTOR_STATE ... FILM_CONSTANTS (7) | bearing 1 (FILM_INTEGERS)              | bearing 2 |
-    constants | bearing 1: clearance, scalars, arrays          | bearing 2 |
-              | M^-1 K (n, n) | M^-1 C (n, n) | M^-1 G (n, n) | M^-1 at the journals (n, 4) | gravity (n) |
+    layout    | ROTOR_STATE ... FILM_CONSTANTS (7) | bearing 1 (FILM_INTEGERS) | bearing 2 (the same)
+    constants | clearance, scalars, arrays of bearing 1 | the same of bearing 2 | rotor
+    rotor     | M^-1 K (n, n) | M^-1 C (n, n) | M^-1 G (n, n) | M^-1 at the journals (n, 4) | gravity (n)
 
 The tangent sweeps a block in chunks of LANES columns, each copied into one flat array. Rows of a chunk:
 

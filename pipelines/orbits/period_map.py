@@ -14,12 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.machine.lanes import LANES
-from pipelines.orbits.integration.implicit import (
-    aligned,
-    propagate_columns,
-    propagate_implicit,
-    workspace_sizes,
-)
+from pipelines.orbits.integration.esdirk import aligned
+from pipelines.orbits.integration.implicit import propagate_columns, propagate_implicit, workspace_sizes
 from pipelines.orbits.integration.propagation import propagate, workspace_size
 from pipelines.orbits.steppers import RK4, ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector, size_of
