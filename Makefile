@@ -20,15 +20,15 @@ $(INSTALLED): pyproject.toml
 # tests of one module share what it computes first: a module is not divided among processes
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-test: $(INSTALLED) ## run the quick tests (WORKERS processes): what a change should pass first
+test: $(INSTALLED) ## run the quick tests (WORKERS processes)
 	$(PYTEST) -m 'not slow and not reliability'
 
-check: lint test rest ## run style, types and all tests: what must pass before a change lands
+check: lint test rest ## run style, types and all tests: required before a change is merged
 
 rest: $(INSTALLED) ## run the tests that `make test` leaves out
 	$(PYTEST) -m 'slow or reliability' --durations=10
 
-torture: $(INSTALLED) ## kill 500 processes in every test of reliability, 10000 configurations, 300 rotors (an hour)
+torture: $(INSTALLED) ## kill 500 processes in every reliability test, 10000 configurations, 300 rotors (an hour)
 	$(BIN)/python -m pytest tests/reliability --kills 500 --rotors 300 --hypothesis-profile torture --timeout 0
 
 format: $(INSTALLED) ## format the sources

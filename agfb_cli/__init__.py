@@ -1,1 +1,1 @@
-"""What the user types: options, progress, messages and exit codes. Everything else is in `pipelines`."""
+"""The command line: options, progress, messages and exit codes. Everything else is in `pipelines`."""

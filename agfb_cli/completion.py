@@ -1,4 +1,4 @@
-"""What the shell completes besides the names of commands and options: files, stores, cases, keys, kinds.
+"""Shell completion of files, stores, cases, keys and kinds, besides commands and options.
 
 Whatever is wrong with a file or a store, there is no answer and no message: somebody is typing. Modules that
 take long to load are imported where one question needs them.
@@ -25,7 +25,7 @@ Completer = Callable[[typer.Context, str], Answers]
 
 
 def silent(completer: Completer) -> Completer:
-    """The same completer without an answer where it fails."""
+    """The completer, with an empty answer where it fails."""
 
     @wraps(completer)
     def answer(ctx: typer.Context, incomplete: str) -> Answers:
@@ -50,7 +50,7 @@ def stores(ctx: typer.Context, incomplete: str) -> Answers:
 
 
 def paths(incomplete: str, is_wanted: Callable[[os.DirEntry[str]], bool]) -> Answers:
-    """Entries of a folder that begin as typed and are wanted; other folders with a stroke behind.
+    """Entries of a folder that begin as typed and are wanted; other folders with a slash appended.
 
     The shell would put a space behind a lone folder: then the answer is what is in it.
     """
@@ -71,13 +71,13 @@ def paths(incomplete: str, is_wanted: Callable[[os.DirEntry[str]], bool]) -> Ans
 
 @silent
 def cases(ctx: typer.Context, incomplete: str) -> Answers:
-    """Cases of the store, or of the configuration, that stands on the command line."""
+    """Cases of the store or the configuration on the command line."""
     # an option that waits for its value leaves arguments unassigned
     given: Any = ctx.params.get("store") or ctx.params.get("config") or ctx.args
     files = [Path(file) for file in (given if isinstance(given, list | tuple) else [given])]
     if "store" in ctx.params:
         return sorted(entry.parent.name for file in files for entry in file.glob("cases/*/zarr.json"))
-    from agfb_cli.cases import load_cases
+    from agfb_cli.inputs import load_cases
 
     assigned = ctx.params.get("assignments") or ()
     return [named.case_id for file in files for named in load_cases(file, assigned, stages=())]
@@ -85,7 +85,7 @@ def cases(ctx: typer.Context, incomplete: str) -> Answers:
 
 @silent
 def assignments(ctx: typer.Context, incomplete: str) -> Answers:
-    """`key=` for every key of a configuration; with the values that a single key can have, or its default."""
+    """`key=` for every key of a configuration; with the words that a single key allows, or its default."""
     from pipelines.case.reference import settable_keys
 
     known = settable_keys()
@@ -116,14 +116,16 @@ def figure_formats(ctx: typer.Context, incomplete: str) -> Answers:
 
 @silent
 def schedulers(ctx: typer.Context, incomplete: str) -> Answers:
-    """Places where cases are computed."""
+    """Values of `--scheduler`."""
     return ["sync", "local", "tcp://"]
 
 
 @contextmanager
 def whole_words() -> Iterator[None]:
-    """Let typer see words with an equals sign, as in `--set numerics.axial=2`, which bash hands over in
-    three, and answer bash, which replaces the last of the three only, with what follows the sign.
+    """Let typer see words with an equals sign, as in `--set numerics.axial=2`.
+
+    bash passes such a word in three parts, and replaces only the last of them: it is answered with what
+    follows the sign.
     """
     if os.environ.get(VARIABLE) != "complete_bash":
         yield
@@ -142,7 +144,7 @@ def whole_words() -> Iterator[None]:
 
 
 def joined(typed: list[str], current: int) -> tuple[list[str], int]:
-    """Words with `=` between them put together again, and the index of the current one among the new."""
+    """Join words around `=` again, and return the index of the current one among the new words."""
     found: list[str] = []
     place = current
     for number, word in enumerate(typed):

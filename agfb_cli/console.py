@@ -1,4 +1,4 @@
-"""Where text goes: data to stdout, messages and progress to stderr."""
+"""Output: data to stdout, messages and progress to stderr."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _CLEAR_LINE = "\r\x1b[K"
 
 @dataclass
 class Console:
-    """Writes for one command. `quiet` keeps errors and data only; `verbose` adds details.
+    """Output of one command. `quiet` keeps errors and data only; `verbose` adds details.
 
     `answered` says whether a JSON document has been written.
     """
@@ -42,24 +42,25 @@ class Console:
         print(text, file=sys.stdout, flush=True)
 
     def json_data(self, value: Any, indent: int | None = 2) -> None:
-        """Write a result to stdout as JSON, in ASCII; NaN is refused because JSON has none. Without `indent`
-        it is one line, so that several documents can follow each other.
+        """Write a result to stdout as JSON, in ASCII; NaN is refused because JSON has none.
+
+        Without `indent` it is one line, so that several documents can follow each other.
         """
         self.data(json.dumps(value, indent=indent, allow_nan=False))
         self.answered = True
 
     def message(self, text: str) -> None:
-        """Tell the user something, unless quiet."""
+        """Write a message, unless quiet."""
         if not self.quiet:
             self._line(text)
 
     def detail(self, text: str) -> None:
-        """Tell the user something that only `--verbose` asks for."""
+        """Write a message that only `--verbose` shows."""
         if self.verbose and not self.quiet:
             self._line(text)
 
     def error(self, text: str) -> None:
-        """Say what went wrong, quiet or not."""
+        """Write an error, quiet or not."""
         self._line(text)
 
     def transient(self, text: str) -> None:
@@ -73,7 +74,7 @@ class Console:
 
     @contextmanager
     def announce_if_slow(self, text: str, seconds: float) -> Iterator[None]:
-        """Say `text` once if the body takes longer than `seconds`."""
+        """Write `text` once if the body takes longer than `seconds`."""
         timer = Timer(seconds, self.message, (text,))
         timer.daemon = True
         timer.start()
@@ -101,7 +102,7 @@ def finite(value: Any) -> Any:
 
 
 def words(identifier: str) -> str:
-    """`maximum_points` as a reader would write it; sentences stay as they are."""
+    """`maximum_points` as a reader would write it; sentences are unchanged."""
     return identifier if " " in identifier else identifier.replace("_", " ")
 
 

@@ -1,4 +1,4 @@
-"""What `--dry-run` prints: what is there of every stage, and about how long the rest takes."""
+"""Output of `--dry-run`: what is stored of every stage, and about how long the rest takes."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def make_plan(stages: Sequence[str], cases: Sequence[NamedCase], store: Path | None) -> list[Planned]:
-    """The plan of the stages on the cases, without a store where they start afresh.
+    """The plan of the stages on the cases; without a store if they start afresh.
 
-    Raises UsageError for a run in time that cannot start, StoreError for a damaged store.
+    Raises UsageError for a transient that cannot start, StoreError for a damaged store.
     """
     from pipelines.stages.scheduling.plan import plan
     from pipelines.stages.transients.start import CannotRunError
@@ -32,7 +32,7 @@ def make_plan(stages: Sequence[str], cases: Sequence[NamedCase], store: Path | N
 def show_plan(
     planned: Sequence[Planned], store: Path, afresh: bool, processes: int, console: Console
 ) -> None:
-    """Show the plan of a store, which is made `afresh` or gone on with by a number of processes."""
+    """Show the plan of a store that is made `afresh` or resumed by a number of processes."""
     seconds, unknown = time_left(planned, processes)
     if console.json:
         console.json_data(
@@ -45,12 +45,12 @@ def show_plan(
     parts += [f"stages of unknown length: {unknown}"] if unknown else []
     console.data(f"left: {'; '.join(parts) or 'nothing'}")
     if seconds:
-        console.message("times are measured on a few points now: good to a factor of two or three")
-    console.message(f"dry run: {'creates' if afresh else 'goes on with'} {store}; nothing was computed")
+        console.message("times are estimated from a few points, within a factor of two or three")
+    console.message(f"dry run: {'creates' if afresh else 'resumes'} {store}; nothing was computed")
 
 
 def time_left(planned: Sequence[Planned], processes: int) -> tuple[float, int]:
-    """Seconds of everything whose length is known, on a number of processes, and how many stages are not.
+    """Seconds of all stages of known length on a number of processes, and how many have unknown length.
 
     The stages of a case follow each other: it takes at least as long as its longest case.
     """

@@ -1,4 +1,4 @@
-"""Exit codes, and what to tell the user about each kind of error."""
+"""Exit codes, and the explanation of each kind of error to the user."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from agfb_cli.console import Console
 
 
 class ExitCode(IntEnum):
-    """What the shell sees."""
+    """Exit code seen by the shell."""
 
     DONE = 0
     BUG = 1
@@ -46,11 +46,11 @@ class Explanation:
 
     @property
     def text(self) -> str:
-        """What is written on stderr."""
+        """The text for stderr."""
         return f"error: {self.message}" + (f"\nhint: {self.hint}" if self.hint else "")
 
     def as_dict(self) -> dict[str, object]:
-        """What a program is told."""
+        """The JSON document for programs."""
         return {"code": int(self.code), "message": self.message, "hint": self.hint}
 
 
@@ -78,7 +78,7 @@ _FORBIDDEN = {
 }
 """What the system refuses to do with a path, in other words where its own do not tell."""
 _WRONG_CALL = (errno.EBADF, errno.ECHILD, errno.EFAULT)  # what no state of the system brings about
-_RESUMES = "what was committed is kept; the same command goes on from there"
+_RESUMES = "committed points are kept; the same command resumes"
 
 
 def explain(error: BaseException) -> Explanation:
@@ -130,7 +130,7 @@ def _explain_system_error(error: OSError) -> Explanation:
         )
     if error.errno in _FORBIDDEN:
         told, elsewhere = _FORBIDDEN[error.errno], "name a directory that you may write to with -o"
-        hint = elsewhere if told else f"do you have the right? Where something is to be written, {elsewhere}"
+        hint = elsewhere if told else f"check the permissions; to write elsewhere, {elsewhere}"
         return Explanation(ExitCode.STORE, where + (told or str(error.strerror)), hint)
     if error.errno == errno.ENAMETOOLONG:
         return Explanation(ExitCode.USAGE, where + "the name is too long", "name a shorter one")
@@ -144,7 +144,7 @@ def _explain_system_error(error: OSError) -> Explanation:
         return _bug(error)
     if error.errno is None:  # a library's own, for instance llvmlite's where it cannot be loaded
         return Explanation(
-            ExitCode.RESOURCES, f"{error}", "is there memory enough? `agfb doctor` checks the installation"
+            ExitCode.RESOURCES, f"{error}", "is there enough memory? `agfb doctor` checks the installation"
         )
     return Explanation(
         ExitCode.RESOURCES,
@@ -185,7 +185,10 @@ def explained(console: Console) -> Iterator[None]:
 
 
 def _report(explanation: Explanation, console: Console, text: str) -> None:
-    """Tell the user, and with `--json` the program that reads stdout, unless it has its document already."""
+    """Report the error to the user, and with `--json` also to the program that reads stdout.
+
+    Not if stdout has its document already.
+    """
     console.error(text)
     if console.json and not console.answered:
         console.json_data({"error": explanation.as_dict()})

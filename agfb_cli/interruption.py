@@ -58,7 +58,7 @@ class Interruption:
 
 
 def resume_command(arguments: Sequence[str]) -> str:
-    """The command that goes on where this one stopped: the same one without `--force`, quoted for a shell.
+    """The command that resumes this one: without `--force`, quoted for a shell.
 
     `arguments` is `sys.argv`. Resuming is the default, and `--force` would start afresh.
     """

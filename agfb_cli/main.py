@@ -79,7 +79,7 @@ def agfb(
         bool,
         typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="The version as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Show the version as JSON.")] = False,
 ) -> None:
     """Prepare the process for any command.
 
@@ -97,7 +97,7 @@ def agfb(
 app.command("linearize", help=linearize.HELP)(linearize.linearize)
 app.command("criticals", help=criticals.HELP)(criticals.criticals)
 app.command("continue-cycles", help=continue_cycles.HELP)(continue_cycles.continue_cycles)
-app.command("continue", help="The same as continue-cycles.")(continue_cycles.continue_cycles)
+app.command("continue", help="Short name of continue-cycles.")(continue_cycles.continue_cycles)
 app.command("continue-tori", help=continue_tori.HELP)(continue_tori.continue_tori)
 app.command("track-pd", help=track_curves.PERIOD_DOUBLING_HELP)(track_curves.track_pd)
 app.command("track-ns", help=track_curves.NEIMARK_SACKER_HELP)(track_curves.track_ns)

@@ -1,9 +1,12 @@
-"""The options that several commands share: declared once, so that they read the same everywhere."""
+"""Options that several commands share, declared once."""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -56,19 +59,12 @@ CasePattern = Annotated[
 DryRun = Annotated[
     bool,
     typer.Option(
-        "--dry-run", help="Say what is there, what would be computed and how long it may take, and stop."
+        "--dry-run", help="Show what is stored, what would be computed and how long it may take, and stop."
     ),
 ]
 Force = Annotated[
     bool, typer.Option("--force", help="Start afresh: an existing store is moved aside, never deleted.")
 ]
-Refine = Annotated[
-    bool,
-    typer.Option(
-        "--refine", help="Afterwards recompute located bifurcations on finer grids and estimate their errors."
-    ),
-]
-NoFigures = Annotated[bool, typer.Option("--no-figures", help="Compute only, and draw nothing.")]
 Workers = Annotated[
     int | None,
     typer.Option(
@@ -80,7 +76,7 @@ Scheduler = Annotated[
     typer.Option(
         "--scheduler",
         metavar="WHERE",
-        help="sync: this process; local: --workers processes, by default one a core; tcp://HOST:PORT: the "
+        help="sync: this process; local: --workers processes, by default one per core; tcp://HOST:PORT: the "
         "workers of a Dask cluster, which see the store under the same path. Default: sync, or local with "
         "--workers.",
         autocompletion=completion.schedulers,
@@ -90,3 +86,49 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Errors and results o
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="More details on stderr.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Results on stdout as JSON.")]
 Traceback = Annotated[bool, typer.Option("--traceback", help="Show where in the program an error arose.")]
+
+
+@dataclass(frozen=True)
+class OwnOption:
+    """An option of single commands, and the shared option that it stands before in their help."""
+
+    name: str
+    annotation: Any
+    default: Any
+    before: str
+
+
+REFINE = OwnOption(
+    "refine",
+    Annotated[
+        bool,
+        typer.Option(
+            "--refine",
+            help="Afterwards recompute located bifurcations on finer grids and estimate their errors.",
+        ),
+    ],
+    False,
+    before="workers",
+)
+NO_FIGURES = OwnOption(
+    "no_figures",
+    Annotated[bool, typer.Option("--no-figures", help="Compute only, and draw nothing.")],
+    False,
+    before="workers",
+)
+
+
+def with_own_options(command: Callable[..., None], options: Sequence[OwnOption]) -> Callable[..., None]:
+    """The command, a function of the shared options and `**own`, as one that has its own options too."""
+    signature = inspect.signature(command, eval_str=True)
+    parameters: list[inspect.Parameter] = []
+    for shared in signature.parameters.values():
+        parameters += [
+            shared.replace(name=own.name, annotation=own.annotation, default=own.default)
+            for own in options
+            if own.before == shared.name
+        ]
+        if shared.kind is not shared.VAR_KEYWORD:
+            parameters.append(shared)
+    command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return command

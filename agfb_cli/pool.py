@@ -13,7 +13,7 @@ SCHEMES = ("tcp://", "tls://")
 
 
 def choose_pool(workers: int | None, scheduler: str | None) -> Pool | None:
-    """The pool that the options ask for; None for this process. Raises UsageError where they disagree."""
+    """The pool that the options request; None for this process. Raises UsageError if they disagree."""
     if scheduler is None:
         return None if workers in (None, 1) else Pool(workers)
     if scheduler == "sync":
@@ -39,7 +39,7 @@ def choose_pool(workers: int | None, scheduler: str | None) -> Pool | None:
 
 @contextmanager
 def settings_of_dask(pool: Pool) -> Iterator[None]:
-    """Import Dask and run what uses it: for workers of this machine without the variables that its users set.
+    """Import Dask and run what uses it; workers of this machine ignore the user's Dask variables.
 
     Dask reads files of settings when it is imported. Raises ClusterError for those that it cannot use.
     """
@@ -67,4 +67,4 @@ def _variables() -> list[str]:
 def _settings_advice() -> str:
     if names := _variables():
         return f"are these variables of the environment right: {', '.join(names)}?"
-    return "mend or remove the file of settings, or leave out --workers and --scheduler"
+    return "correct or remove the settings file, or leave out --workers and --scheduler"

@@ -1,4 +1,4 @@
-"""How the words of the command line are taken: what is wrong with them is told to programs too."""
+"""Parse the command line; programs that ask for JSON get usage errors as JSON."""
 
 from __future__ import annotations
 
@@ -21,12 +21,14 @@ _REFUSAL: type[Any] = typer.BadParameter.mro()[1]
 
 
 class Program(TyperGroup):
-    """The group of all commands. A command line that typer refuses (a missing argument, an unknown option)
-    gets a JSON document on stdout when it asks for JSON, besides typer's message on stderr.
+    """The group of all commands.
+
+    A command line that typer refuses (a missing argument, an unknown option) gets a JSON document on
+    stdout when it asks for JSON, besides typer's message on stderr.
     """
 
     def main(self, *others: Any, **more: Any) -> Any:
-        """Run the program, or answer the shell. Texts that could not be written are an error at the end."""
+        """Run the program, or answer the shell. Text that could not be written is an error at the end."""
         settle()
         with unfailing_streams() as streams:
             try:
@@ -43,20 +45,20 @@ class Program(TyperGroup):
                 raise SystemExit(int(explanation.code)) from None
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take the words before the command."""
+        """Parse the words before the command."""
         ctx.meta[ASKED_FOR_JSON] = "--json" in args
-        with told(ctx.meta[ASKED_FOR_JSON]):
+        with usage_errors_as_json(ctx.meta[ASKED_FOR_JSON]):
             return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Take the command and its words, and run it."""
-        with told(ctx.meta[ASKED_FOR_JSON]):
+        """Parse the command and its words, and run it."""
+        with usage_errors_as_json(ctx.meta[ASKED_FOR_JSON]):
             return super().invoke(ctx)
 
 
 @contextmanager
-def told(asked: bool) -> Iterator[None]:
-    """Write an error of usage that passes through as JSON, if it is asked for."""
+def usage_errors_as_json(asked: bool) -> Iterator[None]:
+    """Write a passing usage error as JSON too, if requested."""
     try:
         yield
     except _REFUSAL as error:

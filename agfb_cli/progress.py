@@ -1,26 +1,30 @@
-"""Progress of long computations: how far, how fast, how long still."""
+"""Progress of long computations: points done, rate and time left; and afterwards a table of times."""
 
 from __future__ import annotations
 
 import math
 import shutil
 import time
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from agfb_cli.console import Console
+from agfb_cli.console import Console, table
 
 if TYPE_CHECKING:
-    from pipelines.stages.results import Progress
+    from pipelines.stages.results import Progress, StageResult
 
 SECONDS_BETWEEN_LINES = 5.0
 SECONDS_BETWEEN_FRAMES = 0.1
+CASES_SHOWN = 20
+
+Results = Sequence[tuple[str, "StageResult"]]
 
 
 @dataclass
 class _Track:
-    """One stage on one case: where its rate counts from, and what was told of it last."""
+    """One stage on one case: the start of its rate, and its last report."""
 
     started: float
     first_done: int
@@ -33,7 +37,7 @@ class _Track:
 
 
 class ProgressReporter:
-    """Shows every `Progress` it is given; reports of several cases may alternate.
+    """Shows every `Progress` that it receives; reports of several cases may alternate.
 
     On a terminal one line is overwritten; elsewhere (a log, CI) a line is written every few seconds for each
     case and at its end, so that a long run is alive but does not fill a disk. With `tasks`, the number of
@@ -82,7 +86,7 @@ class ProgressReporter:
         return "" if self._tasks is None else f"[{self._ended}/{self._tasks}] "
 
     def ended(self, stage: str, case_id: str) -> None:
-        """A stage has ended on a case: forget it, and clear the overwritten line for what follows."""
+        """End a stage on a case: drop its state and clear the overwritten line."""
         self._ended += 1
         self._tracks.pop((stage.replace("_", "-"), case_id), None)
         if self._console.animated and self._frame > -math.inf:
@@ -114,8 +118,39 @@ def duration(seconds: float) -> str:
 
 
 def in_words(seconds: float) -> str:
-    """A length of time in the unit that one would use."""
+    """A duration in a suitable unit."""
     for unit, size in (("years", 31_557_600.0), ("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"
     return f"{seconds:.2g} seconds"
+
+
+def seconds_spent(results: Results, elapsed: float) -> dict[str, Any]:
+    """Seconds passed, and seconds computed by stage and by case (larger with several workers)."""
+    stages, cases = _spent(results)
+    return {"elapsed": elapsed, "stages": stages, "cases": cases}
+
+
+def where_time_went(results: Results, elapsed: float) -> str:
+    """A table of cases over stages, the slowest cases first."""
+    stages, cases = _spent(results)
+    single = {(result.case_id, stage): duration(result.seconds) for stage, result in results}
+    slowest = sorted(cases, key=lambda case: -cases[case])[:CASES_SHOWN]
+    rows = [
+        [case, *(single.get((case, stage), "-") for stage in stages), duration(cases[case])]
+        for case in slowest
+    ]
+    rows.append([f"all {len(cases)}", *map(duration, stages.values()), duration(sum(stages.values()))])
+    header = ["slowest cases" if len(cases) > len(slowest) else "case"]
+    header += [*(stage.replace("_", "-") for stage in stages), "all stages"]
+    return f"{table(header, rows)}\ntook {duration(elapsed)}"
+
+
+def _spent(results: Results) -> tuple[dict[str, float], dict[str, float]]:
+    """Seconds by stage, in the order of the stages, and by case."""
+    stages: dict[str, float] = defaultdict(float)
+    cases: dict[str, float] = defaultdict(float)
+    for stage, result in results:
+        stages[stage] += result.seconds
+        cases[result.case_id] += result.seconds
+    return dict(stages), dict(cases)

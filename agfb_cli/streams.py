@@ -1,4 +1,4 @@
-"""Standard output and standard error, to which every text can be written, whatever becomes of them."""
+"""Standard output and standard error that accept every text and survive failures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NAMES = {"stdout": "standard output", "stderr": "standard error"}
 
 
 class Unfailing:
-    """A stream that says no more once it has failed: what is being computed is worth more than what is said.
+    """A stream that stays silent once it has failed: the computation matters more than its messages.
 
     `unread` is whether nobody reads any more, as behind `| head`, which is no error; `lost` is the error of
     any other failure, a full disk for instance.
@@ -33,7 +33,7 @@ class Unfailing:
         return len(text)
 
     def flush(self) -> None:
-        """Hand over what was written."""
+        """Flush the stream."""
         if not self._is_silent:
             with self._losing():
                 self._stream.flush()
@@ -61,8 +61,10 @@ class Unfailing:
 
 @contextmanager
 def unfailing_streams() -> Iterator[list[Unfailing]]:
-    """Replace both streams while the block runs: also one that the caller closed, which is None in Python,
-    and whatever characters their encoding lacks.
+    """Replace both streams while the block runs.
+
+    Also a stream that the caller closed, which is None in Python; characters that its encoding lacks are
+    replaced.
     """
     before = sys.stdout, sys.stderr
     made = [_unfailing(name) for name in _NAMES]
@@ -83,5 +85,5 @@ def _unfailing(name: str) -> Unfailing:
 
 
 def is_unread() -> bool:
-    """Whether nobody can read what is written to standard output any more."""
+    """Whether standard output has no reader any more."""
     return isinstance(sys.stdout, Unfailing) and (sys.stdout.unread or sys.stdout.lost is not None)

@@ -1,4 +1,4 @@
-"""What surrounds the process and must not matter: variables of the environment, warnings, files of settings.
+"""Isolate the process from its surroundings: environment variables, warnings, settings files.
 
 Nothing outside agfb's own options changes what is computed or drawn. What only says where things lie
 (NUMBA_CACHE_DIR, MPLCONFIGDIR, TMPDIR) is followed.
@@ -20,8 +20,9 @@ _MATPLOTLIB = "MPLCONFIGDIR"
 
 
 def settle() -> None:
-    """Take out of the environment what would change numbers or pictures, also for processes started from
-    here, and let no warning become an error. This must precede the import of numpy, numba and matplotlib.
+    """Remove environment variables that would change numbers or figures, also for child processes.
+
+    No warning becomes an error. This must precede the import of numpy, numba and matplotlib.
     """
     for name in [name for name in os.environ if name.startswith(_CHOOSING) and name not in _KEPT]:
         del os.environ[name]
@@ -36,8 +37,9 @@ def settle() -> None:
 
 
 def load_matplotlib() -> None:
-    """Import matplotlib without the file `matplotlibrc` of the working directory, and without a word about a
-    folder of settings that it cannot write to: it takes a temporary one.
+    """Import matplotlib without the file `matplotlibrc` of the working directory.
+
+    If its folder of settings is not writable it silently uses a temporary one.
     """
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     if chosen := os.environ.get(_MATPLOTLIB):

@@ -1,6 +1,8 @@
-"""One BLAS thread for every test, as the command sets it for itself: spinning threads slow small matrices.
+"""The surroundings that the command makes for itself, and how hard the tests of reliability try.
 
-Set before numpy is imported. And how hard the tests of reliability try: `make torture` asks for more.
+The first must precede the import of numpy. A site may set variables that choose the processor's instructions:
+they would change the last bits of what a test computes in its own process and compares with the command's.
+Spinning BLAS threads slow small matrices. `make torture` asks for more killed processes and more examples.
 """
 
 from __future__ import annotations
@@ -10,6 +12,9 @@ import os
 import pytest
 from hypothesis import HealthCheck, settings
 
+from agfb_cli.surroundings import settle
+
+settle()
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 

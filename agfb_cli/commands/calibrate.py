@@ -8,26 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agfb_cli.cases import load_cases, select_cases
-from agfb_cli.commands.stage import Outcome, Request, execute
+from agfb_cli.commands.stage import Outcome, Request, stage_command
 from agfb_cli.console import Console, table
-from agfb_cli.errors import UsageError, explained
-from agfb_cli.inputs import default_store, read_configuration
-from agfb_cli.options import (
-    AsJson,
-    Assignments,
-    CasePattern,
-    Config,
-    DryRun,
-    Force,
-    Output,
-    Quiet,
-    Scheduler,
-    Traceback,
-    Verbose,
-    Workers,
-)
-from agfb_cli.pool import choose_pool
+from agfb_cli.errors import UsageError
+from agfb_cli.inputs import load_cases, read_configuration, select_cases
+from agfb_cli.options import OwnOption
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
@@ -36,60 +21,37 @@ if TYPE_CHECKING:
 HELP = """Fit machine parameters to measured or printed speeds.
 
 Changes the keys of calibrate.parameters within their ranges until onset speeds, critical speeds and slopes
-of the onset speed meet calibrate.targets: bounded least squares with numerical derivatives. Every machine
-that is computed is committed; an interrupted search goes on from its last one. Writes cases/CASE/calibration
-into the store and shows what was wanted and reached, the found values, how well the targets determine them,
-and the --set assignments that make the found machine. Exit code 3 when the search did not converge.
+of the onset speed meet calibrate.targets: bounded least squares with numerical derivatives. Every computed
+machine is committed; an interrupted search resumes from the last one. Writes cases/CASE/calibration into the
+store and shows target and reached values, the fitted values, how well the targets determine them, and the
+--set assignments of the fitted machine. Exit code 3 if the search did not converge.
 """
 
-Write = Annotated[
-    Path | None,
-    typer.Option(
-        "--write", metavar="FILE.toml", help="Write a copy of CONFIG with the found values, comments kept."
-    ),
-]
+WRITE = OwnOption(
+    "write",
+    Annotated[
+        Path | None,
+        typer.Option(
+            "--write",
+            metavar="FILE.toml",
+            help="Write a copy of CONFIG with the fitted values; comments are kept.",
+        ),
+    ],
+    None,
+    before="dry_run",
+)
 
 
-def calibrate(
-    config: Config,
-    output: Output = None,
-    assignments: Assignments = None,
-    case: CasePattern = None,
-    write: Write = None,
-    dry_run: DryRun = False,
-    force: Force = False,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    json: AsJson = False,
-    traceback: Traceback = False,
-) -> None:
-    """The command: `HELP` is what the user reads."""
-    console = Console(quiet, verbose, json, traceback)
-    with explained(console):
-        store = output or default_store(config)
-        pool = choose_pool(workers, scheduler)
-        request = Request(config, store, tuple(assignments or ()), case, dry_run, force, pool)
-
-        def admit(named_cases: Sequence[NamedCase]) -> None:
-            refuse(named_cases, write)
-
-        outcome = execute(("calibrate",), request, console, admit)
-        if not dry_run:
-            conclude(outcome, request, write, console)
-        raise typer.Exit(outcome.exit_code())
-
-
-def refuse(named_cases: Sequence[NamedCase], write: Path | None) -> None:
+def _admit(named_cases: Sequence[NamedCase], request: Request, _console: Console) -> None:
     """Raise UsageError for a copy that cannot be written."""
+    write: Path | None = request.own["write"]
     if write is not None and len(named_cases) > 1:
-        raise UsageError("--write: one case at a time", "choose it with --case")
+        raise UsageError("--write: one case at a time", "choose the case with --case")
     if write is not None and write.exists():
-        raise UsageError(f"--write {write}: there is a file already", "name another, or remove it")
+        raise UsageError(f"--write {write}: this file exists already", "name another, or remove it")
 
 
-def conclude(outcome: Outcome, request: Request, write: Path | None, console: Console) -> None:
+def _conclude(outcome: Outcome, request: Request, console: Console) -> None:
     """Show the calibrations, as tables or as one JSON document, and write the copy if asked for."""
     from pipelines.datasets.store import open_for_reading
     from pipelines.stages.calibration.report import read_calibration
@@ -98,6 +60,7 @@ def conclude(outcome: Outcome, request: Request, write: Path | None, console: Co
     opened = open_for_reading(request.store)
     read = [read_calibration(opened, named.case_id, named.case) for named in chosen]
     found = [calibration for calibration in read if calibration is not None]
+    write: Path | None = request.own["write"]
     if write is not None and found:
         write_copy(found[0], request, write, console)
     if console.json:
@@ -109,7 +72,7 @@ def conclude(outcome: Outcome, request: Request, write: Path | None, console: Co
 
 
 def show(found: Calibration, console: Console) -> None:
-    """Targets, parameters, open directions, assignments."""
+    """Show targets, parameters, undetermined directions and assignments."""
     rows = [
         (row.target, row.wanted, row.reached, row.difference, row.deviation,
          row.bifurcation.replace("_", " ").replace("unset", "-"), row.remark)
@@ -147,3 +110,6 @@ def write_copy(found: Calibration, request: Request, path: Path, console: Consol
     if request.assignments:
         console.message(f"{path}: without the --set assignments of this command")
     console.message(f"wrote {path}")
+
+
+calibrate = stage_command(("calibrate",), (WRITE,), admit=_admit, conclude=_conclude)

@@ -24,7 +24,7 @@ Second = Annotated[
 Tolerance = Annotated[
     float,
     typer.Option(
-        "--rtol", metavar="X", min=0.0, help="Differences that do not count, over the array's largest value."
+        "--rtol", metavar="X", min=0.0, help="Allowed difference, relative to the array's largest value."
     ),
 ]
 
@@ -40,10 +40,10 @@ def compare(
 ) -> None:
     """Compare the results of two stores.
 
-    Tells the cases and groups that only one has; of each array whether it is identical, equal within --rtol
-    or different, and where it differs most; how far located bifurcations moved; and how far curves lie apart,
-    which may have their points elsewhere. Exit code 0: equal within --rtol, 3: different. With -v every array
-    and bifurcation is listed, otherwise those that differ.
+    Shows cases and groups that only one store has; whether each array is identical, equal within --rtol or
+    different, and where it differs most; how far located bifurcations moved; and the distance of curves,
+    whose points may lie elsewhere. Exit code 0: equal within --rtol, 3: different. With -v every array and
+    bifurcation is listed, otherwise only those that differ.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -61,7 +61,7 @@ def compare(
 
 
 def show(found: StoreComparison, console: Console) -> None:
-    """What only one has, a line for every group, what differs in it, and the conclusion."""
+    """Show what only one store has, the differences of every group, and the conclusion."""
     for sentence in found.configuration:
         console.message(f"configuration of {sentence}")
     for which, names in (("A", found.only_first), ("B", found.only_second)):
@@ -95,7 +95,7 @@ def _largest(values: list[float | None]) -> float | None:
 
 
 def _details(group: GroupComparison, everything: bool) -> list[str]:
-    """Sentences on what differs; on all arrays and bifurcations if asked for."""
+    """Sentences on the differences; on all arrays and bifurcations if requested."""
     lines = [*group.attributes, *(words_of(sentence) for sentence in group.unmatched)]
     lines += _of_arrays(group, everything)
     lines += [_moved(match) for match in group.matches if everything or match.distance > group.tolerance]

@@ -27,12 +27,11 @@ def compare_paper(
     json: AsJson = False,
     traceback: Traceback = False,
 ) -> None:
-    """Put the numbers that the paper prints beside ours.
+    """Compare the numbers of the paper with those computed here.
 
     Threshold speeds, anti-resonances, gains and period doublings for foil stiffness 3, 10, 20 and 50, found
-    in the stores by the parameters of the cases; a number that no store tells says why. Nothing is computed
-    but where the curves are crossed. The machine is a reconstruction. With --verbose also where the paper
-    says so.
+    in the stores by the parameters of the cases, or the reason why a number is missing. Computes only where
+    the curves are crossed. The machine is a reconstruction. With --verbose also the place in the paper.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):

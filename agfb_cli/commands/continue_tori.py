@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 
 HELP = """Quasi-periodic orbits and their stability.
 
-Branches of tori in the parameter continue_tori.parameter: with continue_tori.origin = "neimark_sacker" those
-born at the Neimark-Sacker points of the branch of continue-cycles, which is computed first if the store has
-none; with "unbalance" the motion of the rotor with the table [unbalance] under excitation. Every point is
-committed as it is found; an interrupted branch goes on from its last point. Writes cases/CASE/tori/q000, ...
-(u000, ... with unbalance) into the store.
+Continues branches of tori in the parameter continue_tori.parameter. With continue_tori.origin =
+"neimark_sacker" they are born at the Neimark-Sacker points of the branch of continue-cycles, which is
+computed first if the store has none; with "unbalance" they are the motion of the rotor with the table
+[unbalance] under excitation. Every point is committed as it is found; an interrupted branch resumes from its
+last point. Writes cases/CASE/tori/q000, ... (u000, ... with unbalance) into the store.
 """
 
 

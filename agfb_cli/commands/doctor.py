@@ -1,4 +1,4 @@
-"""`agfb doctor`: is this machine fit to run agfb?"""
+"""`agfb doctor`: checks that this machine can run agfb."""
 
 from __future__ import annotations
 
@@ -21,14 +21,13 @@ from agfb_cli.options import AsJson, Quiet, Traceback
 
 LEAST_FREE_BYTES = 2**30
 Directory = Annotated[
-    Path,
-    typer.Option("--output", "-o", metavar="DIRECTORY", help="Directory that stores will be written to."),
+    Path, typer.Option("--output", "-o", metavar="DIRECTORY", help="Directory for your stores.")
 ]
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing looked at; `advice` is empty when it is in order."""
+    """One check; `advice` is empty if it passes."""
 
     name: str
     ok: bool
@@ -44,7 +43,7 @@ def doctor(
 ) -> None:
     """Check the installation and this machine.
 
-    Exit code 5 when something would make a run fail; then stderr says what to do about it.
+    Exit code 5 if something would make a run fail; stderr then says what to do.
     """
     console = Console(quiet=quiet, json=json, traceback=traceback)
     with explained(console):
@@ -75,7 +74,7 @@ def examine(output: Path) -> Iterator[Check]:
 
 
 def python_version() -> Check:
-    """Python itself."""
+    """The version of Python."""
     found = ".".join(map(str, sys.version_info[:3]))
     return Check("python", sys.version_info >= (3, 11), found, "Python 3.11 or newer is needed")
 
@@ -102,7 +101,7 @@ def required_packages() -> Iterator[Check]:
 
 
 def own_package() -> Check:
-    """That the top-level module `pipelines` is ours, not that of another distribution."""
+    """Whether the top-level module `pipelines` belongs to agfb, not to another distribution."""
     spec = find_spec("pipelines")
     expected = Path(__file__).resolve().parents[2] / "pipelines" / "__init__.py"
     found = spec.origin if spec is not None and spec.origin is not None else "not found"
@@ -115,8 +114,10 @@ def own_package() -> Check:
 
 
 def numba_cache() -> Check:
-    """Where numba keeps compiled kernels: in the first of NUMBA_CACHE_DIR, the folder of the sources and the
-    user's cache that can be written to. Without any it refuses to load the kernels.
+    """The folder where numba keeps compiled kernels.
+
+    The first writable one of NUMBA_CACHE_DIR, the folder of the sources and the user's cache. Without any,
+    numba refuses to load the kernels.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     beside = Path(__file__).resolve().parents[2] / "pipelines"
@@ -144,13 +145,13 @@ def usable_processors() -> int:
 
 
 def blas_threads() -> Check:
-    """Threads of BLAS: one is best, more only slow the small matrices here down."""
+    """Threads of BLAS: one is best; more slow down the small matrices here."""
     found = os.environ.get("OMP_NUM_THREADS", "1")
     return Check("BLAS threads", found == "1", found, "unset OMP_NUM_THREADS or set it to 1")
 
 
 def free_space(directory: Path) -> Check:
-    """Room on the disk of the output directory."""
+    """Free space on the disk of the output directory."""
     free = shutil.disk_usage(directory).free
     return Check(
         "disk space",

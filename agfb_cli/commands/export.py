@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agfb_cli.cases import matching
 from agfb_cli.console import Console
 from agfb_cli.errors import UsageError, explained
-from agfb_cli.inputs import beside, existing_store
+from agfb_cli.inputs import beside, existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ Folder = Annotated[
 ]
 Kind = Annotated[FileFormat, typer.Option("--format", help="Tables, netCDF 3 (needs xarray), or MATLAB.")]
 Full = Annotated[bool, typer.Option("--full", help="Also states, orbits and films, which are large.")]
-Overwrite = Annotated[bool, typer.Option("--force", help="Replace files that are there.")]
+Overwrite = Annotated[bool, typer.Option("--force", help="Replace existing files.")]
 
 
 def export(
@@ -50,8 +49,8 @@ def export(
 ) -> None:
     """Write a store as files for other programs.
 
-    Comma-separated tables (one per group and dimension, their columns explained in commented lines), netCDF
-    (one file per group) or MATLAB (one file per case). Every number keeps all its digits; units go along.
+    Comma-separated tables (one per group and dimension, with comment lines that explain the columns), netCDF
+    (one file per group) or MATLAB (one file per case). Numbers keep all digits; units are included.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):

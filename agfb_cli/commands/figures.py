@@ -8,11 +8,10 @@ from typing import Annotated
 
 import typer
 
-from agfb_cli.cases import matching
 from agfb_cli.completion import figure_formats, figure_kinds
 from agfb_cli.console import Console
 from agfb_cli.errors import UsageError, explained
-from agfb_cli.inputs import beside, existing_store
+from agfb_cli.inputs import beside, existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 from agfb_cli.surroundings import load_matplotlib
 
@@ -57,11 +56,10 @@ def figures(
     """Draw the figures of a store.
 
     Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bifurcation,
-    multipliers, orbits, film, tree, stability, tori, section; of runs in time: envelope, unbalance,
-    waterfall, spectrum, poincare, modal-energy; of two and more cases together: sets (the bifurcation sets
-    over each other), envelopes (the envelopes below each other). Branches of the search for bifurcations
-    (cycles/s000, ...) are drawn by none. Files are DIRECTORY/CASE/FIGURE.FORMAT, without CASE for those of
-    several cases; the same store always gives the same bytes.
+    multipliers, orbits, film, tree, stability, tori, section; for transients: envelope, unbalance, waterfall,
+    spectrum, poincare, modal-energy; for several cases together: sets (bifurcation sets in one map),
+    envelopes (one below the other). No figure shows the branches of the search (cycles/s000, ...). Files are
+    DIRECTORY/CASE/FIGURE.FORMAT, without CASE for several cases; equal stores give equal bytes.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):

@@ -6,10 +6,9 @@ import shlex
 from collections.abc import Mapping
 from typing import Any
 
-from agfb_cli.cases import matching
 from agfb_cli.console import Console, table, words
 from agfb_cli.errors import explained
-from agfb_cli.inputs import existing_store
+from agfb_cli.inputs import existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 
 
@@ -23,9 +22,8 @@ def info(
 ) -> None:
     """Show what a store holds.
 
-    Its cases, and of each branch the points, the events, why it ended, and at how many points the error by
-    the time steps is unknown; also while a run is writing. With -v the advice stored with each branch is
-    shown too.
+    Lists its cases, and for each branch the points, the events, why it ended, and at how many points the
+    time-step error is unknown; also while a run is writing. With -v also the advice stored with each branch.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -42,14 +40,14 @@ def info(
 
 
 def add_step_errors(content: Mapping[str, Any]) -> None:
-    """Say of every group at how many of its points the error by the time steps is unknown."""
-    from pipelines.datasets.store import open_for_reading
+    """Add to every group at how many of its points the time-step error is unknown."""
+    from pipelines.datasets.store import case_group, open_for_reading
     from pipelines.stages.step_errors import count_in
 
     store = open_for_reading(content["path"])
     for name, described in content["cases"].items():
         for group, state in described["groups"].items():
-            state["points_without_step_error"] = count_in(store, [f"cases/{name}/{group}"])[0]
+            state["points_without_step_error"] = count_in(store, [case_group(name, group)])[0]
 
 
 def show(content: Mapping[str, Any], console: Console) -> None:
@@ -73,7 +71,7 @@ def show(content: Mapping[str, Any], console: Console) -> None:
             if (error := state.get("condensation_error")) is not None:
                 reason += f", condensation error {error:.2g}"
             unknown = state["points_without_step_error"], state["n_points"] or 0
-            if where := step_errors.told(unknown):
+            if where := step_errors.in_words(unknown):
                 reason += f", {step_errors.NAME} {where}"
             for caution in filter(None, (state.get("caution"), step_errors.caution(unknown))):
                 console.message(f"caution: {name} {group}: {caution}")

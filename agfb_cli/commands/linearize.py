@@ -7,7 +7,7 @@ from agfb_cli.commands.stage import stage_command
 HELP = """Equilibria, eigenvalues and the instability speed.
 
 Also stiffness and damping of the bearings. Follows the equilibrium of every case over linearize.speed_range
-with the active rings at their mean deformation. Speeds without equilibrium are named; it is a failure if they
+with the active rings at their mean deformation. Lists speeds without equilibrium; the case fails if these
 are more than a tenth, or if the instability lies between them. Writes cases/CASE/linear into the store.
 """
 

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from agfb_cli.cases import matching
 from agfb_cli.console import Console, table, words
 from agfb_cli.errors import ExitCode, UsageError, explained
-from agfb_cli.inputs import existing_store
+from agfb_cli.inputs import existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 
 if TYPE_CHECKING:
@@ -32,12 +31,12 @@ def report(
     json: AsJson = False,
     traceback: Traceback = False,
 ) -> None:
-    """Tell the bifurcation-free range of speeds.
+    """Report the bifurcation-free speed range.
 
-    For every excitation frequency from the lowest speed up to the first period doubling, Neimark-Sacker
-    point or fold, told from the stored curves of `agfb run`; the best excitation frequency and what it gains.
-    Nothing is computed but where the curves are crossed. Writes cases/CASE/operating_range, which
-    `agfb figures` shades.
+    For every excitation frequency the range extends from the lowest speed to the first period doubling,
+    Neimark-Sacker point or fold on the stored curves of `agfb run`. Also reports the best excitation
+    frequency and its gain. Computes only where the curves are crossed. Writes cases/CASE/operating_range,
+    which `agfb figures` shades.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -74,7 +73,7 @@ def operating_ranges(path: Path, pattern: str | None) -> tuple[dict[str, Operati
 
 
 def store_ranges(path: Path, found: Mapping[str, OperatingRange], console: Console) -> bool:
-    """Write the ranges into their store; False where it is read-only, which is told."""
+    """Write the ranges into their store; False, with a message, if it is read-only."""
     from pipelines.datasets.store import open_for_reading
     from pipelines.stages.reports.operating_range import write_operating_range
 
@@ -128,8 +127,9 @@ def show(
 def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:
     """Largest error of the condensed rotor's modes, None where not known, and the caution with it."""
     from pipelines.datasets.reading import read_group
+    from pipelines.datasets.store import case_group
 
-    group = f"cases/{case}/criticals"
+    group = case_group(case, "criticals")
     attributes = read_group(store, group, ()).attributes if store.has_group(group) else {}
     return attributes.get("condensation_error"), attributes.get("caution", "")
 
@@ -137,22 +137,23 @@ def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:
 def unknown_step_errors(store: StoreOnDisk, case: str) -> tuple[int, int]:
     """Points of the case's curves whose error by the time steps is unknown, and all of their points."""
     from pipelines.datasets.reading import list_groups
+    from pipelines.datasets.store import local_name
     from pipelines.stages.step_errors import count_in
 
-    curves = [name for name in list_groups(store, case) if name.split("/")[2] in CURVES]
+    curves = [name for name in list_groups(store, case) if local_name(name).split("/")[0] in CURVES]
     return count_in(store, curves)
 
 
 def as_json(ranges: OperatingRange) -> dict[str, Any]:
     """Attributes and boundary of a range; what is not known is null."""
-    rows = [ranges.told(boundary) for boundary in ranges.boundaries]
+    rows = [ranges.boundary_data(boundary) for boundary in ranges.boundaries]
     for row, caution in zip(rows, ranges.caution, strict=True):
         row["caution"] = caution
     return {**ranges.attributes(), "boundary": rows}
 
 
 def heading(case: str, ranges: OperatingRange, scales: Scales) -> str:
-    """What the table below is about."""
+    """Heading of the table."""
     lowest = f"{_speed(ranges.speeds[0], scales)}"
     return f"{case}: bifurcation-free from speed {lowest} up to the first bifurcation"
 
@@ -220,7 +221,7 @@ def conclusions(ranges: OperatingRange, scales: Scales) -> list[str]:
             lines.append(f"{where} (up to {speed}): {least}{ranges.reference_gain:+.1%}")
         else:
             why = "no bifurcation in the plane" if reference.is_open else "unstable from the lowest speed"
-            lines.append(f"{where}: no gain to tell, {why}")
+            lines.append(f"{where}: gain not defined, {why}")
     return lines
 
 
@@ -248,6 +249,6 @@ def _speed(value: float, scales: Scales) -> str:
 
 
 def _interval(low: float, high: float, form: str) -> str:
-    """Two numbers with a dash, one where they look alike."""
+    """Two numbers with a dash, or one if they look alike."""
     first, last = format(low, form), format(high, form)
     return first if first == last or math.isclose(low, high) else f"{first} - {last}"

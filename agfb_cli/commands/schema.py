@@ -16,8 +16,8 @@ AsMarkdown = Annotated[bool, typer.Option("--md", help="As Markdown (the default
 def schema(markdown: AsMarkdown = False, json: AsJson = False, traceback: Traceback = False) -> None:
     """Print the reference of all configuration keys.
 
-    Meaning, unit, default and bounds of each, made from the models that check a configuration. With --json it
-    is a JSON Schema that editors understand.
+    Meaning, unit, default and bounds of each key, from the models that check a configuration. With --json a
+    JSON Schema for editors.
     """
     console = Console(json=json, traceback=traceback)
     with explained(console):

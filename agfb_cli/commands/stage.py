@@ -1,23 +1,21 @@
-"""What the commands that compute have in common: from a configuration to results in a store."""
+"""Common part of the commands that compute: from a configuration to results in a store."""
 
 from __future__ import annotations
 
-import inspect
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from agfb_cli.cases import load_cases, refuse_stages, select_cases
 from agfb_cli.console import Console, name_values, words
 from agfb_cli.dry_run import make_plan, show_plan
 from agfb_cli.errors import ExitCode, explained
-from agfb_cli.inputs import default_store
+from agfb_cli.inputs import default_store, load_cases, refuse_stages, select_cases
 from agfb_cli.interruption import Interruption, resume_command
 from agfb_cli.options import (
     AsJson,
@@ -26,18 +24,17 @@ from agfb_cli.options import (
     Config,
     DryRun,
     Force,
-    NoFigures,
     Output,
+    OwnOption,
     Quiet,
-    Refine,
     Scheduler,
     Traceback,
     Verbose,
     Workers,
+    with_own_options,
 )
 from agfb_cli.pool import choose_pool, settings_of_dask
-from agfb_cli.progress import ProgressReporter
-from agfb_cli.timing import seconds_spent, where_time_went
+from agfb_cli.progress import ProgressReporter, seconds_spent, where_time_went
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase
@@ -45,17 +42,16 @@ if TYPE_CHECKING:
     from pipelines.stages.scheduling.pool import Pool
 
 SECONDS_BEFORE_ANNOUNCEMENT = 2.0
-REFINABLE = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds", "bifurcation_set"})
-"""Stages that locate bifurcations: their commands have the option `--refine`."""
 Afterwards = Callable[[Path, str | None, Console], list[Path]]
-Admit = Callable[[Sequence["NamedCase"]], None]
+Admit = Callable[[Sequence["NamedCase"], "Request", Console], None]
+Conclude = Callable[["Outcome", "Request", Console], None]
 Stages = Sequence[str] | Callable[[Sequence["NamedCase"]], Sequence[str]]
 """Names of stages in order, or a function that tells them from the chosen cases."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the user asked a computing command for."""
+    """What the user asked a computing command for; ``own``: the values of the command's own options."""
 
     config: Path
     store: Path
@@ -64,6 +60,7 @@ class Request:
     dry_run: bool = False
     force: bool = False
     pool: Pool | None = None  # None: this process
+    own: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass
@@ -85,11 +82,17 @@ class Outcome:
         return ExitCode.CASES_FAILED if failed else ExitCode.DONE
 
 
-def stage_command(stages: Stages, afterwards: Afterwards | None = None) -> Callable[..., None]:
-    """Make the command that runs `stages` in order on every case, then `afterwards` on their store.
+def stage_command(
+    stages: Stages,
+    options: Sequence[OwnOption] = (),
+    admit: Admit | None = None,
+    conclude: Conclude | None = None,
+) -> Callable[..., None]:
+    """Make the command that runs `stages` in order on every case.
 
-    With `--refine`, which only commands with one of the stages `REFINABLE` have, the stage `refine` follows.
-    With `--no-figures`, which only those that draw afterwards have, they do not.
+    ``options``: those that the command has beside the shared ones; with `REFINE`, which commands have whose
+    stages locate bifurcations, the stage `refine` may follow. ``admit``: looks at the chosen cases before
+    anything is written, and raises to refuse them. ``conclude``: what follows, by default `close`.
     """
 
     def command(
@@ -99,43 +102,29 @@ def stage_command(stages: Stages, afterwards: Afterwards | None = None) -> Calla
         case: CasePattern = None,
         dry_run: DryRun = False,
         force: Force = False,
-        refine: Refine = False,
-        no_figures: NoFigures = False,
         workers: Workers = None,
         scheduler: Scheduler = None,
         quiet: Quiet = False,
         verbose: Verbose = False,
         json: AsJson = False,
         traceback: Traceback = False,
+        **own: Any,
     ) -> None:
         console = Console(quiet, verbose, json, traceback)
         with explained(console):
             store = output or default_store(config)
             pool = choose_pool(workers, scheduler)
-            request = Request(config, store, tuple(assignments or ()), case, dry_run, force, pool)
-            asked = stages if callable(stages) or not refine else (*stages, "refine")
-            outcome = execute(asked, request, console)
+            request = Request(config, store, tuple(assignments or ()), case, dry_run, force, pool, own)
+            asked = stages if callable(stages) or not own.get("refine") else (*stages, "refine")
+            outcome = execute(asked, request, console, admit)
             if not dry_run:
-                close(outcome, request, None if no_figures else afterwards, console)
+                (conclude or close)(outcome, request, console)
             raise typer.Exit(outcome.exit_code())
 
-    unused = []
-    if callable(stages) or not REFINABLE & set(stages):
-        unused.append("refine")
-    if afterwards is None:
-        unused.append("no_figures")
-    return without_options(command, unused)
+    return with_own_options(command, options)
 
 
-def without_options(command: Callable[..., None], names: Sequence[str]) -> Callable[..., None]:
-    """The command as one that does not have some options: they keep their defaults."""
-    signature = inspect.signature(command, eval_str=True)
-    kept = [parameter for parameter in signature.parameters.values() if parameter.name not in names]
-    command.__signature__ = signature.replace(parameters=kept)  # type: ignore[attr-defined]
-    return command
-
-
-def close(outcome: Outcome, request: Request, afterwards: Afterwards | None, console: Console) -> None:
+def close(outcome: Outcome, request: Request, console: Console, afterwards: Afterwards | None = None) -> None:
     """Do what follows the computation and show everything; what was computed is shown even if that fails."""
     files: list[Path] = []
     try:
@@ -146,10 +135,7 @@ def close(outcome: Outcome, request: Request, afterwards: Afterwards | None, con
 
 
 def execute(stages: Stages, request: Request, console: Console, admit: Admit | None = None) -> Outcome:
-    """Run `stages` as requested and show each result as it arrives; raises typer.Exit when interrupted.
-
-    `admit` looks at the chosen cases before anything is written, and raises to refuse them.
-    """
+    """Run `stages` as requested and show each result as it arrives; raises typer.Exit when interrupted."""
     named_cases = load_cases(request.config, request.assignments, stages=())
     chosen = select_cases(named_cases, request.case_pattern)
     stages = stages(chosen) if callable(stages) else stages
@@ -160,7 +146,7 @@ def execute(stages: Stages, request: Request, console: Console, admit: Admit | N
         return Outcome()
     if admit is not None:
         refuse_other_store(request, named_cases)
-        admit(chosen)
+        admit(chosen, request, console)
     with Interruption(console) as interruption:
         prepare(request, named_cases, console)
         from pipelines.datasets.watching import command_lock
@@ -176,7 +162,7 @@ def execute(stages: Stages, request: Request, console: Console, admit: Admit | N
 def foresee(
     stages: Sequence[str], named_cases: Sequence[NamedCase], request: Request, console: Console
 ) -> None:
-    """What `--dry-run` does instead: nothing is written."""
+    """Show the plan of `--dry-run`; nothing is written."""
     afresh = request.force or not request.store.exists()
     with console.announce_if_slow("measuring (the first run compiles kernels)", SECONDS_BEFORE_ANNOUNCEMENT):
         planned = make_plan(stages, named_cases, None if afresh else request.store)
@@ -185,7 +171,7 @@ def foresee(
 
 
 def refuse_other_store(request: Request, named_cases: Sequence[NamedCase]) -> None:
-    """Raise what the run itself would raise when the store that is there belongs to another configuration."""
+    """Raise what the run would raise if the existing store belongs to another configuration."""
     if request.force or not request.store.exists():
         return
     from pipelines.datasets.provenance import provenance
@@ -195,9 +181,9 @@ def refuse_other_store(request: Request, named_cases: Sequence[NamedCase]) -> No
 
 
 def show_interruption(outcome: Outcome, request: Request, console: Console) -> None:
-    """Say what there is and how to go on."""
+    """Say what is stored and how to resume."""
     resume = resume_command(sys.argv)
-    console.error(f"stopped; everything committed is in {request.store}. To go on:")
+    console.error(f"stopped; everything committed is in {request.store}. To resume:")
     console.error(f"  {resume}")
     if console.json:
         console.json_data({"store": str(request.store), "results": outcome.records(), "resume": resume})
@@ -210,7 +196,7 @@ def compute(
     console: Console,
     interruption: Interruption,
 ) -> Outcome:
-    """Run the stages on all cases: here one after the other, in a pool side by side."""
+    """Run the stages on all cases: one after the other here, side by side in a pool."""
     from pipelines.stages.scheduling import registry
     from pipelines.stages.scheduling.tasks import recorded, run_stages
 
@@ -276,8 +262,9 @@ def announce(stage: str, result: StageResult, console: Console) -> None:
 
 
 def show_outcome(outcome: Outcome, store: Path, files: Sequence[Path], console: Console) -> None:
-    """Close a finished run: figures, the JSON document if asked for, where the time of several cases went,
-    and how many cases failed.
+    """Close a finished run: draw figures and show how it ended.
+
+    The JSON document if requested, the time of several cases by stage, and how many cases failed.
     """
     if console.json:
         figures = [str(path) for path in files]

@@ -10,41 +10,42 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agfb_cli.cases import matching
 from agfb_cli.console import Console, table, words
 from agfb_cli.errors import explained
-from agfb_cli.inputs import existing_store
+from agfb_cli.inputs import existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
 from agfb_cli.progress import duration
 from agfb_cli.streams import is_unread
 
 if TYPE_CHECKING:
     from pipelines.datasets.failures import Failure
-    from pipelines.datasets.watching import GroupState, Progress
+    from pipelines.datasets.watching import GroupState, GroupTotals
 
 Watch = Annotated[
     float | None,
     typer.Option(
-        "--watch", metavar="SECONDS", min=0.1, help="Look again so often, until nothing is computed."
+        "--watch", metavar="SECONDS", min=0.1, help="Repeat at this interval until nothing is being computed."
     ),
 ]
 
 
 @dataclass(frozen=True)
-class Look:
-    """What there is at one moment: the commands that compute, progress by case, the groups of each, and every
-    stage that failed and has not succeeded since.
+class Snapshot:
+    """The state of a store at one moment.
+
+    The commands that compute, progress by case, the groups of each case, and every stage that failed and has
+    not succeeded since.
     """
 
     commands: list[str]
-    cases: Mapping[str, Progress]
+    cases: Mapping[str, GroupTotals]
     groups: list[GroupState]
-    total: Progress
+    total: GroupTotals
     failures: list[Failure]
 
     @property
     def is_alive(self) -> bool:
-        """Whether anything computes."""
+        """Whether anything is being computed."""
         return bool(self.commands or self.total.running)
 
     def as_dict(self) -> dict[str, Any]:
@@ -67,19 +68,18 @@ def status(
     json: AsJson = False,
     traceback: Traceback = False,
 ) -> None:
-    """Show how far a run is, from another shell.
+    """Show the progress of a run from another shell.
 
-    Of each case, also of those that have not begun, and in total: what is being written, what was interrupted
-    and what has ended, how many points there are and how long ago the last one was committed; and every stage
-    that failed, with the reason, until it succeeds. A group that has ended is listed if some of its speeds
-    have no equilibrium, and with -v always, with the reason. Only metadata are read, and no lock is taken.
-    With --json and --watch each look is one line.
+    For each case and in total: which groups are running, interrupted or ended, how many points are stored,
+    and the age of the last one. Also every failed stage, with the reason, until it succeeds. An ended group
+    is listed only with -v, or with the reason if some of its speeds have no equilibrium. Only metadata are
+    read, and no lock is taken. With --json and --watch each report is one line.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         path = existing_store(store)
         while True:
-            seen = look(path, case)
+            seen = snapshot(path, case)
             if json:
                 console.json_data({"store": str(path), **seen.as_dict()}, 2 if watch is None else None)
             else:
@@ -89,24 +89,24 @@ def status(
             time.sleep(watch)
 
 
-def look(path: Path, pattern: str | None) -> Look:
+def snapshot(path: Path, pattern: str | None) -> Snapshot:
     """The state of the chosen cases of a store."""
     from pipelines.datasets.failures import read_failures
     from pipelines.datasets.reading import list_cases
     from pipelines.datasets.store import open_for_reading
-    from pipelines.datasets.watching import commands, progress, watch
+    from pipelines.datasets.watching import commands, totals, watch
 
     alive = commands(path)  # before the groups: a command that ends in between is looked at once more
     opened = open_for_reading(path)
     chosen = matching(list_cases(opened), pattern)
     groups = [state for state in watch(path) if state.case in chosen]
-    cases = {name: progress([state for state in groups if state.case == name]) for name in chosen}
+    cases = {name: totals([state for state in groups if state.case == name]) for name in chosen}
     failures = [failure for name in chosen for failure in read_failures(opened, name)]
-    return Look(alive, cases, groups, progress(groups), failures)
+    return Snapshot(alive, cases, groups, totals(groups), failures)
 
 
-def show(seen: Look, console: Console) -> None:
-    """A line for each case, one for the groups that ask for attention, or for all with -v, and the sums."""
+def show(seen: Snapshot, console: Console) -> None:
+    """Show a line for each case and for groups that need attention (all with -v), and the sums."""
     if len(seen.cases) > 1:
         rows = [(name, case.state, case.ended, *_counts(case)) for name, case in seen.cases.items()]
         console.data(table(("case", "status", "groups ended", "points", "last commit"), rows) + "\n")
@@ -122,13 +122,11 @@ def show(seen: Look, console: Console) -> None:
     if seen.commands:
         console.data(f"computing: {', '.join(seen.commands)}")
     elif total.interrupted and not total.running:
-        console.message(
-            "the command that made the store goes on with what was interrupted (agfb info shows it)"
-        )
+        console.message("the command that made the store resumes interrupted groups (agfb info shows it)")
 
 
 def show_failures(failures: list[Failure], console: Console) -> None:
-    """A line for every stage that failed, and the advice that came with it."""
+    """Show a line for every failed stage, and its advice."""
     for failure in failures:
         name = f"{failure.stage.replace('_', '-')} {failure.case}"
         console.data(f"{name}: failed: {words(failure.reason)}")
@@ -153,7 +151,7 @@ def groups(states: list[GroupState], everything: bool) -> list[tuple[object, ...
     return rows
 
 
-def _counts(case: Progress) -> tuple[object, object]:
+def _counts(case: GroupTotals) -> tuple[object, object]:
     """Points and age of a case; neither of one that has not begun."""
     if case.age is None:
         return None, None

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agfb_cli.cases import load_cases, select_cases
 from agfb_cli.commands.run import CHAIN
 from agfb_cli.completion import configurations
 from agfb_cli.console import Console, table
 from agfb_cli.errors import ExitCode, explain, explained
+from agfb_cli.inputs import load_cases, select_cases
 from agfb_cli.options import AsJson, Assignments, CasePattern, Quiet, Traceback
 
 if TYPE_CHECKING:
@@ -33,9 +33,9 @@ def validate(
 ) -> None:
     """Check configurations and list their cases.
 
-    Nothing is computed and nothing is written. Every problem of every file is reported, with file, line and
-    key, and what `agfb run` would refuse where a table is left out. With --json the resolved configuration of
-    every case is printed, defaults included, and of a file with problems its error.
+    Nothing is computed or written. Reports every problem of every file, with file, line and key, and what
+    `agfb run` would refuse if a table is left out. With --json prints the resolved configuration of every
+    case, defaults included, or the error of a file with problems.
     """
     console = Console(quiet=quiet, json=json, traceback=traceback)
     with explained(console):
@@ -69,7 +69,7 @@ def validate(
 
 
 def refused(named: NamedCase) -> list[Problem]:
-    """What `agfb run` would refuse of tables that are not written down: the others are errors already."""
+    """What `agfb run` would refuse in tables left out of the file: other tables are errors already."""
     from pipelines.case.reading import stage_problems
 
     return stage_problems(named, CHAIN)

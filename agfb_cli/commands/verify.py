@@ -30,11 +30,11 @@ def verify(
     json: AsJson = False,
     traceback: Traceback = False,
 ) -> None:
-    """Check that a store is whole and that its numbers solve the equations.
+    """Check the files and the numbers of a store.
 
-    Every file that must exist is looked at, every chunk decoded and its checksum compared; then some rows of
-    each branch, curve and table of equilibria are put into the equations of the stored case again. Nothing is
-    changed. Exit code 4 when something is wrong.
+    Examines every required file, decodes every chunk and compares its checksum; then evaluates the equations
+    of the stored case at some rows of each branch, curve and table of equilibria. Nothing is changed. Exit
+    code 4 if something is wrong.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -52,7 +52,7 @@ def verify(
 
 
 def show(findings: list[Finding], checked: list[Checked], console: Console) -> None:
-    """A line for everything wrong on stdout, notes and advice on stderr, and how much was looked at."""
+    """Show every error on stdout, notes and advice on stderr, and how much was examined."""
     for finding in findings:
         line = f"{finding.path}: {finding.problem}"
         if finding.severity == "error":

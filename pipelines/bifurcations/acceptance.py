@@ -1,4 +1,4 @@
-"""When a step of a continuation is accepted: what arrives is what was predicted.
+"""When a continuation accepts a step: the corrected end must agree with the prediction.
 
 Between two points u_0, u_1 with unit tangents t_0, t_1, distance h and chord h c, a smooth curve has
 
@@ -53,7 +53,7 @@ def refusal(
     rule: StepRule,
     missed_at: Callable[[float], float | None],
 ) -> str | None:
-    """The reason why a step is too long to be one piece of one smooth curve; None accepts it.
+    """The reason why a step is too long to be one piece of a smooth curve; None if it is accepted.
 
     ``metric`` measures the vectors; both tangents have unit length; ``missed_at(fraction)``: distance of the
     corrected point at a fraction of the step from the cubic through both ends, None where none converges.

@@ -21,11 +21,11 @@ from pipelines.bifurcations.branch import (
     BranchState,
     BranchStop,
     ContinuationOptions,
-    Limit,
-    Record,
 )
 from pipelines.bifurcations.continuation import (
     STEP_GROWTH,
+    Limit,
+    Record,
     Rejected,
     Tracer,
     adapted_length,
@@ -73,11 +73,11 @@ def continue_branch(
     problem: CycleProblem,
     start: BranchStart | BranchState,
     options: ContinuationOptions,
-    record: Record,
-    limit: Limit | None = None,
+    record: Record[BranchPoint, BranchState, Event],
+    limit: Limit[BranchPoint] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> BranchResult:
-    """Trace a branch of cycles from a guess, or go on from a recorded state.
+    """Trace a branch of cycles from a guess, or resume it from a recorded state.
 
     ``record(point, state, events)`` is called once per accepted point, with the events between the previous
     point and this one; ``state`` is all that is needed to restart after it.  ``limit(point)`` returns a
@@ -91,7 +91,7 @@ def continue_branch(
 
 @dataclass(frozen=True)
 class _Step:
-    """An accepted step: the point, the piece of branch that leads to it and the events on it."""
+    """An accepted step: its point, the piece of branch that leads to it, and the events on that piece."""
 
     point: BranchPoint
     segment: Segment
@@ -100,7 +100,7 @@ class _Step:
 
 @dataclass(frozen=True)
 class _Branch(Tracer[BranchState, _Step]):
-    """A branch of cycles for the driver."""
+    """A branch of cycles as the driver sees it."""
 
     problem: CycleProblem
     options: ContinuationOptions
@@ -146,7 +146,7 @@ class _Branch(Tracer[BranchState, _Step]):
         return _point(problem, correction, cycle, demand, _Found()), state
 
     def stop_reason(self, state: BranchState) -> BranchStop | None:
-        """Why nothing follows a state."""
+        """Why the branch ends at a state; None if it continues."""
         if returned(state, state.unknowns, self._metric(state.start)):
             return BranchStop.CLOSED
         if leaves_ranges((state.parameter,), (state.tangent_parameter,), (self.options.range,)):
@@ -209,7 +209,7 @@ class _Branch(Tracer[BranchState, _Step]):
     def _segment(
         self, state: BranchState, correction: Correction, reference: PhaseReference | None
     ) -> Segment | Rejected:
-        """The piece of branch from a state to a corrected cycle, unless it is too long to be one piece."""
+        """The piece of branch from a state to a corrected cycle, or the reason why the step is too long."""
         cycle, metric = correction.cycle, self._metric(state.start)
         if cycle is None:
             return Rejected(correction.advice)
@@ -240,8 +240,10 @@ class _Branch(Tracer[BranchState, _Step]):
     def _predict_and_correct(
         self, state: BranchState, steps: int, reference: PhaseReference | None
     ) -> tuple[Correction, StepDemand]:
-        """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it
-        instead.  Repeated with more time steps when the cycle asks for them.
+        """Correct the tangent prediction on the arclength row.
+
+        Beyond the end of the range the parameter is fixed to that end instead.  Repeated with more
+        time steps when the cycle asks for them.
         """
         problem, ranges = self.problem, (self.options.range,)
         row = self._metric(state.start).row(state.tangent)
@@ -274,7 +276,7 @@ class _Branch(Tracer[BranchState, _Step]):
 def _first_cycle(
     problem: CycleProblem, start: BranchStart
 ) -> tuple[Correction, Cycle, StepDemand, PhaseReference | None] | Rejected:
-    """The cycle at the parameter of a guess, with as many time steps as it asks for."""
+    """The cycle at the parameter of a guess, with as many time steps as it needs."""
     guess = problem.consistent(Unknowns(np.array(start.state, dtype=float), start.period, start.parameter))
     steps = first_steps(problem, guess)
     if isinstance(steps, NewtonStop):
@@ -293,7 +295,7 @@ def _first_cycle(
 
 @dataclass(frozen=True)
 class _Found:
-    """Events of a segment: located, in order along it; detected only; and whether some must be missing."""
+    """Events of a segment: located ones in order, those only detected, and whether some must be missing."""
 
     located: tuple[Event, ...] = ()
     unlocated: tuple[EventKind, ...] = ()
@@ -301,8 +303,9 @@ class _Found:
 
 
 def _events(segment: Segment, options: DetectionOptions, accept_anyway: bool) -> _Found | Rejected:
-    """Detect and locate the events of a segment.  Rejected means that it must be shorter to tell them
-    apart.
+    """Detect and locate the events of a segment.
+
+    Rejected means that the segment must be shorter to distinguish them.
     """
     autonomous = segment.problem.period_map.autonomous
     before = evaluate_tests(segment.start_multipliers, autonomous)
@@ -343,8 +346,9 @@ def _point(
 
 
 def _land_on_start(segment: Segment, state: BranchState, correction: Correction) -> Correction:
-    """The cycle in the plane through the first point across the segment, with the history of the one that
-    led there.
+    """The cycle in the plane through the first point across the segment.
+
+    Its history includes the history of the correction that led there.
     """
     row = segment.metric.row(segment.chord)
     constraint = Constraint(row, row.dot(state.start))

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
 from pipelines.bifurcations.continuation import Result, ResumableState, validate_stepping
-from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind
+from pipelines.bifurcations.detection import DetectionOptions, EventKind
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.shooting import Cycle, Unknowns
 from pipelines.orbits.system import Matrix, Vector
 
 
 class BranchStop(Enum):
-    """Why a branch ended, with what to do about it."""
+    """Why a branch ended, with advice."""
 
-    RANGE = "the end of the parameter range is reached: widen the range to go on"
+    RANGE = "the end of the parameter range is reached: widen the range to continue"
     CLOSED = "the branch closed on its first point: nothing more to compute"
-    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
+    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to continue"
     MINIMUM_STEP = (
         "the step fell below its minimum: lower minimum_step, tighten the grid or allow more iterations"
     )
     LIMIT = "a limit set by the caller is reached"
-    INTERRUPTED = "stopped on request after a complete point: start again to go on"
+    INTERRUPTED = "stopped on request after a complete point: run again to resume"
     START_FAILED = "the first cycle did not converge: start at another parameter or from a better guess"
 
     @property
@@ -78,7 +77,7 @@ class BranchStart:
 
 @dataclass(frozen=True)
 class BranchState(ResumableState):
-    """Everything the next step depends on, as plain arrays and numbers.
+    """Everything that determines the next step, as plain arrays and numbers.
 
     A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``,
     ``start_state`` (N,), ``basis`` (N, k), ``multipliers`` (m,) complex; ``index`` counts the recorded points
@@ -144,5 +143,3 @@ class BranchPoint:
 
 
 BranchResult = Result[BranchState]
-Record = Callable[[BranchPoint, BranchState, tuple[Event, ...]], None]
-Limit = Callable[[BranchPoint], str | None]

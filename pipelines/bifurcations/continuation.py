@@ -52,7 +52,7 @@ def validate_stepping(
 
 
 def period_scale(state: Vector, period: float, maximum_step: float) -> float:
-    """The change of an unknown period that counts as one, from the first point.
+    """The change of an unknown period that counts as one, set by the first point.
 
     A relative change of the period counts like the same relative change of the state, so that no unit of time
     or state matters; where the first cycle is small, ``_LONGEST`` is a step of the maximum length.
@@ -72,13 +72,13 @@ def hermite_weights(fraction: float, length: float) -> tuple[float, float, float
 
 
 def hermite_slopes(fraction: float, length: float) -> tuple[float, float, float, float]:
-    """Derivatives of these weights by arclength."""
+    """Derivatives by arclength of the weights of ``hermite_weights``."""
     t = fraction
     return ((6 * t**2 - 6 * t) / length, 3 * t**2 - 4 * t + 1, (6 * t - 6 * t**2) / length, 3 * t**2 - 2 * t)
 
 
 def adapted_length(step: float, iterations: int, options: Any) -> float:
-    """The next step: longer when the corrector needed less than ``target_iterations``, shorter when more."""
+    """The next step length: longer if the corrector needed less than ``target_iterations``, else shorter."""
     factor = 2.0 ** ((options.target_iterations - iterations) / 2.0)
     return float(min(options.maximum_step, max(options.minimum_step, step * min(2.0, max(0.5, factor)))))
 
@@ -86,7 +86,7 @@ def adapted_length(step: float, iterations: int, options: Any) -> float:
 def one_history(
     first: Correction, second: Correction, names: tuple[str, ...] = ("residual_norms", "update_norms")
 ) -> Correction:
-    """The second correction with the histories of both: the step length must follow the whole effort."""
+    """The second correction with the histories of both, so that the step length follows the whole effort."""
     both = {name: getattr(first, name) + getattr(second, name) for name in names}
     return replace(second, **both)  # type: ignore[type-var]
 
@@ -94,6 +94,13 @@ def one_history(
 State = TypeVar("State", bound="ResumableState")
 Accepted = TypeVar("Accepted", bound="Step")
 Correction = TypeVar("Correction")
+Recorded = TypeVar("Recorded")
+Found = TypeVar("Found")
+
+Record = Callable[[Recorded, State, tuple[Found, ...]], None]
+"""Takes every accepted point, the state that resumes behind it, and the bifurcations found before it."""
+Limit = Callable[[Recorded], str | None]
+"""Says why a branch ends before a point that is beyond a limit of the caller's; None where it does not."""
 
 
 @dataclass(frozen=True)
@@ -114,11 +121,11 @@ class Step(Protocol):
 
     @property
     def point(self) -> Any:
-        """What is recorded."""
+        """The point to record."""
 
     @property
     def found(self) -> tuple[Any, ...]:
-        """The bifurcations between the point before and this one."""
+        """The bifurcations between the previous point and this one."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +142,7 @@ class Rejected:
 
 
 class Tracer(ABC, Generic[State, Accepted]):
-    """What the driver asks of a kind of continuation.
+    """What a kind of continuation provides for the driver.
 
     ``options`` have ``minimum_step``; ``stops``: the enumeration of its reasons to stop, with ``LIMIT``,
     ``INTERRUPTED``, ``START_FAILED`` and ``MINIMUM_STEP``.
@@ -150,11 +157,11 @@ class Tracer(ABC, Generic[State, Accepted]):
 
     @abstractmethod
     def stop_reason(self, state: State) -> Enum | None:
-        """Why nothing follows a state; told by the state alone, so that a restart from it ends at once."""
+        """Why the curve ends at a state; it depends on the state alone, so that a restart ends there too."""
 
     @abstractmethod
     def attempt(self, state: State) -> Accepted | Rejected:
-        """One step: predict, correct, test, locate.  Rejected means that the step is too long."""
+        """Predict, correct, test and locate one step; Rejected means that the step is too long."""
 
     @abstractmethod
     def advance(self, state: State, step: Accepted) -> State:
@@ -165,18 +172,18 @@ class Tracer(ABC, Generic[State, Accepted]):
         return None
 
     def is_shortest(self, state: State) -> bool:
-        """Whether the next step cannot be shorter."""
+        """Whether half of the step would be shorter than the minimum."""
         return bool(0.5 * state.step < self.options.minimum_step)
 
 
 def follow(
     tracer: Tracer[State, Accepted],
     start: Any,
-    record: Callable[[Any, State, tuple[Any, ...]], None],
-    limit: Callable[[Any], str | None] | None = None,
+    record: Record[Any, State, Any],
+    limit: Limit[Any] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Result[State]:
-    """Trace a curve from a guess, or go on from a recorded state (a `ResumableState`).
+    """Trace a curve from a guess, or resume it from a recorded state (a `ResumableState`).
 
     ``record(point, state, found)`` is called once per accepted point; ``state`` is all that is needed to
     restart after it.  ``limit(point)`` returns a sentence when the point must not be accepted, which ends the
@@ -223,7 +230,7 @@ def leaves_ranges(
 
 
 def bound_passed(values: Iterable[float], ranges: Sequence[tuple[float, float]]) -> tuple[int, float] | None:
-    """The first parameter that has left its range, and the end of the range that it passed."""
+    """The first parameter outside its range, and the end of the range that it passed."""
     for which, (value, (low, high)) in enumerate(zip(values, ranges, strict=True)):
         if value > high:
             return which, high
@@ -243,13 +250,13 @@ class CubicPiece(ABC, Generic[Point]):
 
     @property
     def chord(self) -> Point:
-        """From start to end."""
+        """The vector from start to end."""
         start, _, end, _ = self.ends()
         return end.minus(start)
 
     @property
     def length(self) -> float:
-        """Of the chord."""
+        """Length of the chord."""
         return self.metric.norm(self.chord)
 
     def guess(self, fraction: float) -> Point:
@@ -299,8 +306,9 @@ class ResumableState:
 
     @classmethod
     def from_arrays(cls, arrays: dict[str, Any]) -> Self:
-        """The inverse of ``arrays``; arrays are copied into C order, on which the bits of a product
-        depend.
+        """The inverse of ``arrays``.
+
+        Arrays are copied into C order, on which the bits of a product depend.
         """
         kinds = {"index": int, "steps": int, "leading": int}
         values: dict[str, Any] = {

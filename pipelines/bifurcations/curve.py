@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 
 import numpy as np
 
 from pipelines.bifurcations.continuation import Result, ResumableState, validate_stepping
-from pipelines.bifurcations.critical.critical_cycles import Frame
+from pipelines.bifurcations.critical.critical_cycles import BorderingVectors
 from pipelines.bifurcations.detection import DetectionOptions, EventKind, Resonance, strong_resonance
 from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
 from pipelines.bifurcations.plane import Position
@@ -20,20 +19,20 @@ from pipelines.orbits.system import Matrix, Vector
 
 
 class CurveStop(Enum):
-    """Why a curve ended, with what to do about it."""
+    """Why a curve ended, with advice."""
 
-    RANGE = "the end of the range of a parameter is reached: widen the range to go on"
+    RANGE = "the end of the range of a parameter is reached: widen the range to continue"
     CLOSED = "the curve closed on its first point: nothing more to compute"
     RESONANCE_1 = "the multipliers meet at 1 (R1): follow the fold curve through this point"
     RESONANCE_2 = "the multipliers meet at -1 (R2): follow the period-doubling curve through this point"
-    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
+    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to continue"
     MINIMUM_STEP = (
         "the step fell below its minimum: lower minimum_step, tighten the grid, allow more iterations or use "
         "the bordered formulation"
     )
     LIMIT = "a limit set by the caller is reached"
     TRACED = "another curve was traced here before: nothing more to compute"
-    INTERRUPTED = "stopped on request after a complete point: start again to go on"
+    INTERRUPTED = "stopped on request after a complete point: run again to resume"
     START_FAILED = "the first point did not converge: start from a better located bifurcation"
 
     @property
@@ -95,8 +94,10 @@ class CurveOptions:
 
 @dataclass(frozen=True)
 class CurveStart:
-    """A guess for the first point: ``state`` (N,), the two parameters, the period when it is unknown and,
-    for a Neimark-Sacker point, the ``angle`` of its multipliers (default: of the pair nearest to the circle).
+    """A guess for the first point of a curve.
+
+    ``state`` (N,), the two parameters, the period when it is unknown and, for a Neimark-Sacker point,
+    the ``angle`` of its multipliers (default: of the pair nearest to the circle).
     """
 
     state: Vector
@@ -107,13 +108,13 @@ class CurveStart:
 
 @dataclass(frozen=True)
 class CurveState(ResumableState):
-    """Everything the next step depends on, as plain arrays and numbers.
+    """Everything that determines the next step, as plain arrays and numbers.
 
     A curve restarted from a copy of it continues with the same bits.  ``state``, the ``tangent_*``, the
     ``normal_*`` (the second tangent of the surface of cycles, across the curve), the ``gradient_*`` (row of
     the test function) and the ``bend_*`` (change of the tangent per arclength in the last step, zero at
-    first) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``,
-    ``left_phase``, ``kappa``: the frame of the test function; ``kappa_slope``: d kappa/d arclength;
+    first) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``, ``left_phase``,
+    ``cos_theta``: the bordering of the test function; ``cos_theta_slope``: its derivative by arclength;
     ``tests`` (11,): values of the special test functions in the order of ``SpecialKind``; ``previous_*`` is
     the point before, NaN at the first one; ``step`` is the next arclength step; ``steps`` are per period and
     leave ``step_error`` in the multipliers; ``start_*``: the first point.
@@ -139,8 +140,8 @@ class CurveState(ResumableState):
     left: Vector
     right_period: float
     left_phase: float
-    kappa: float
-    kappa_slope: float
+    cos_theta: float
+    cos_theta_slope: float
     tests: Vector
     previous_tests: Vector
     previous_arclength: float
@@ -178,8 +179,8 @@ class CurveState(ResumableState):
         return Position(self.start_state, self.start_period, self.start_parameters)
 
     @property
-    def frame(self) -> Frame:
-        return Frame(self.right, self.left, self.right_period, self.left_phase, self.kappa)
+    def bordering(self) -> BorderingVectors:
+        return BorderingVectors(self.right, self.left, self.right_period, self.left_phase, self.cos_theta)
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,7 @@ class CurvePoint:
     """One accepted point of a curve.
 
     ``cycle``: state, period, orbit, multipliers (its continued parameter is the first of the two);
-    ``parameters`` (2,): both free ones; ``kappa``: cos of the critical angle; ``alignment``: cosine between
+    ``parameters`` (2,): both free ones; ``cos_theta``: of the critical angle; ``alignment``: cosine between
     left and right null vector; ``right`` (N, m): critical vectors; ``normal_form``: None when not asked for
     or not defined; ``newton_iterations``: before the time steps were refined; ``step_error``: estimated error
     of the multipliers by the time steps, NaN where it is unknown; ``residual_norms`` and ``test_values``:
@@ -198,7 +199,7 @@ class CurvePoint:
     kind: EventKind
     cycle: Cycle
     parameters: Vector
-    kappa: float
+    cos_theta: float
     alignment: float
     right: Matrix
     normal_form: NormalForm | None
@@ -211,15 +212,17 @@ class CurvePoint:
     @property
     def angle(self) -> float:
         """Argument of the critical multiplier in [0, pi]."""
-        return float(np.arccos(min(1.0, max(-1.0, self.kappa))))
+        return float(np.arccos(min(1.0, max(-1.0, self.cos_theta))))
 
     @property
     def iterations(self) -> int:
         return max(0, len(self.residual_norms) - 1)
 
     def resonance(self, distance: float = DetectionOptions.resonance_distance) -> Resonance:
-        """The strong resonance within ``distance`` rad of a Neimark-Sacker point, where d does not decide
-        what is born: resonant terms of the same order join it (R4) or it has a pole (R1, R2, R3).
+        """The strong resonance within ``distance`` rad of a Neimark-Sacker point, if any.
+
+        There d does not decide what is born: resonant terms of the same order join it (R4) or it has
+        a pole (R1, R2, R3).
         """
         if self.kind is not EventKind.NEIMARK_SACKER:
             return Resonance.NONE
@@ -231,8 +234,8 @@ class SpecialPoint:
     """A located point of codimension two.
 
     ``parameters`` (p,): all of them; ``state`` (N,), ``period``, ``multipliers`` (k,) by falling modulus,
-    ``kappa`` = cos of the critical angle, ``residual``: value of the test function; ``fraction``: position
-    in the step of the curve.
+    ``cos_theta`` of the critical angle, ``residual``: value of the test function; ``fraction``: position in
+    the step of the curve.
     """
 
     kind: SpecialKind
@@ -240,12 +243,10 @@ class SpecialPoint:
     state: Vector
     period: float
     multipliers: Complex
-    kappa: float
+    cos_theta: float
     residual: float
     fraction: float
     steps: int
 
 
 CurveResult = Result[CurveState]
-CurveRecord = Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None]
-CurveLimit = Callable[[CurvePoint], str | None]

@@ -17,6 +17,8 @@ import numpy as np
 from pipelines.bifurcations.acceptance import StepRule, refusal
 from pipelines.bifurcations.continuation import (
     STEP_GROWTH,
+    Limit,
+    Record,
     Rejected,
     Tracer,
     adapted_length,
@@ -29,10 +31,8 @@ from pipelines.bifurcations.continuation import (
 from pipelines.bifurcations.critical.correction import CurveConstraint, CurveCorrection
 from pipelines.bifurcations.critical.corrector import correct_critical
 from pipelines.bifurcations.curve import (
-    CurveLimit,
     CurveOptions,
     CurvePoint,
-    CurveRecord,
     CurveResult,
     CurveStart,
     CurveState,
@@ -72,13 +72,13 @@ def continue_curve(
     problem: CurveProblem,
     start: CurveStart | CurveState,
     options: CurveOptions,
-    record: CurveRecord,
-    limit: CurveLimit | None = None,
+    record: Record[CurvePoint, CurveState, SpecialPoint],
+    limit: Limit[CurvePoint] | None = None,
     should_stop: Callable[[], bool] | None = None,
     traced: Mapping[str, KnownCurve] | None = None,
     own: KnownCurve | None = None,
 ) -> CurveResult:
-    """Trace a bifurcation curve from a guess, or go on from a recorded state.
+    """Trace a bifurcation curve from a guess, or resume it from a recorded state.
 
     ``record(point, state, specials)`` is called once per accepted point, with the special points between the
     previous point and this one; ``state`` is all that is needed to restart after it.  ``limit(point)``
@@ -115,7 +115,7 @@ class _Step:
 
 
 class _Curve(Tracer[CurveState, _Step]):
-    """A bifurcation curve for the driver; it knows its points, to notice when it comes to itself."""
+    """A bifurcation curve as the driver sees it; it keeps its points to detect when it meets itself."""
 
     stops = CurveStop
 
@@ -132,7 +132,7 @@ class _Curve(Tracer[CurveState, _Step]):
         self._own = own
 
     def remember(self, state: CurveState) -> None:
-        """Add a recorded point to those that the curve may come to."""
+        """Add a recorded point to those that the curve may meet again."""
         self._own = KnownCurve.of([state]) if self._own is None else self._own.with_point(state)
 
     def open(self, start: CurveStart) -> tuple[CurvePoint, CurveState] | Rejected:
@@ -143,10 +143,10 @@ class _Curve(Tracer[CurveState, _Step]):
             return Rejected("a matrix of the first point is singular")
 
     def stop_reason(self, state: CurveState) -> CurveStop | None:
-        """Why nothing follows a state."""
+        """Why the curve ends at a state; None if it continues."""
         if returned(state, state.position, curve_metric(self.problem, self.options, state.start)):
             return CurveStop.CLOSED
-        if state.index > 0 and (end := resonant_end(self.problem.kind, state.kappa)) is not None:
+        if state.index > 0 and (end := resonant_end(self.problem.kind, state.cos_theta)) is not None:
             return CurveStop.RESONANCE_1 if end is SpecialKind.R1 else CurveStop.RESONANCE_2
         if leaves_ranges(state.parameters, state.tangent_parameters, self.options.ranges):
             return CurveStop.RANGE
@@ -215,11 +215,12 @@ def _along(
     options: CurveOptions,
     same_sense: bool = False,
 ) -> str | None:
-    """The name of the traced curve that an accepted point and the one before it lie on: a single one may be
-    where two curves cross at a small angle.  A curve comes to itself in the ``same_sense``; the other side of
-    a narrow loop is no part of it.
+    """The name of the traced curve on which an accepted point and the point before it lie.
+
+    A single point may lie where two curves cross at a small angle.  A curve meets itself in the
+    ``same_sense``; the other side of a narrow loop is no part of it.
     """
-    begin = _place(state.position, math.acos(min(1.0, max(-1.0, state.kappa))))
+    begin = _place(state.position, math.acos(min(1.0, max(-1.0, state.cos_theta))))
     places = (
         (_place(end.position, end.point.angle), end.tangent.parameters),
         (begin, state.tangent_parameters),
@@ -246,14 +247,15 @@ def _predict_and_correct(
     steps: int,
     reference: PhaseReference | None,
 ) -> CurveSegment | Rejected:
-    """Predictor along the tangent and its bend, arclength corrector; past the end of a range that parameter
-    is fixed to it instead.
+    """Correct the second-order prediction on the arclength row.
+
+    Beyond the end of a range that parameter is fixed to the end instead.
     """
     across = metric.row(state.normal)
     row = metric.row(state.tangent)
     constraint = CurveConstraint(row, row.dot(state.position) + state.step, across, state.gradient, metric)
     guess = state.position.plus(state.tangent, state.step).plus(state.bend, 0.5 * state.step**2)
-    basis, frame = state.basis, state.frame
+    basis, bordering = state.basis, state.bordering
     found: CurveCorrection | None = None
     for _ in range(3):
         bound = bound_passed(guess.parameters, options.ranges)
@@ -264,7 +266,7 @@ def _predict_and_correct(
             constraint = replace(constraint, row=problem.row_of_parameter(which), value=value)
         elif found is not None:
             break
-        found = correct_critical(problem, guess, constraint, basis, frame, steps, reference)
+        found = correct_critical(problem, guess, constraint, basis, bordering, steps, reference)
         if found.point is None:
             return Rejected(found.advice)
         guess = found.point.position
@@ -274,7 +276,7 @@ def _predict_and_correct(
     enough = demand.error <= _REPEATED * problem.options.step_tolerance
     if not enough and demand.steps > steps:
         steps = problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
-        again = correct_critical(problem, guess, constraint, found.point.basis, frame, steps, reference)
+        again = correct_critical(problem, guess, constraint, found.point.basis, bordering, steps, reference)
         if again.point is None:
             return Rejected(again.advice)
         demand = demand_of(problem, again.point, steps)
@@ -295,7 +297,7 @@ def _segment(
         return Rejected(found.advice)
     if constraint.metric.norm(found.point.position.minus(state.position)) == 0.0:
         return Rejected("the corrector returned to the previous point")
-    end = curve_end(found, found.point, constraint, state.tangent, options.normal_form, state.frame)
+    end = curve_end(found, found.point, constraint, state.tangent, options.normal_form, state.bordering)
     if end is None:
         return Rejected("the tangent is singular")
     newton_iterations, step_error = iterations_and_error
@@ -307,7 +309,7 @@ def _segment(
         state.tangent,
         end,
         state.basis,
-        state.frame,
+        state.bordering,
         constraint.across,
         state.gradient,
         found.point.steps,
@@ -318,7 +320,7 @@ def _segment(
 def _with_specials(
     segment: CurveSegment, state: CurveState, options: CurveOptions, accept_anyway: bool
 ) -> _Step | Rejected:
-    """Detect and locate the special points of a segment; it is cut where a Neimark-Sacker curve ends."""
+    """Detect and locate the special points of a segment, which is cut where a Neimark-Sacker curve ends."""
     specials: list[SpecialPoint] = []
     unlocated: list[SpecialKind] = []
     end, limit = segment.end, 1.0
@@ -334,7 +336,7 @@ def _with_specials(
         point, there = located
         if point is not None:
             specials.append(point)
-        if resonant_end(segment.problem.kind, there.point.kappa) is special and point is not None:
+        if resonant_end(segment.problem.kind, there.point.cos_theta) is special and point is not None:
             end, limit = there, point.fraction
     kept = tuple(sorted((p for p in specials if p.fraction <= limit), key=lambda point: point.fraction))
     end = replace(end, point=replace(end.point, unlocated=tuple(unlocated)))
@@ -363,9 +365,9 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
     ]
     if segment.problem.kind is not EventKind.NEIMARK_SACKER:
         return twice + once
-    # kappa may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
+    # cos_theta may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
     dips = (
-        dip_beyond(points, special, (state.kappa, state.kappa_slope))
+        dip_beyond(points, special, (state.cos_theta, state.cos_theta_slope))
         for special in (SpecialKind.R1, SpecialKind.R2)
     )
     return twice + once + [dip for dip in dips if dip is not None]
@@ -374,7 +376,7 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
 def _passed_twice(
     points: SegmentPoints, state: CurveState, before: Vector, after: Vector, form: NormalFormOptions | None
 ) -> list[Bracket]:
-    """The brackets of special points passed twice, but for the ends of a Neimark-Sacker curve."""
+    """The brackets of special points passed twice, except the ends of a Neimark-Sacker curve."""
     if state.index == 0:
         return []
     length = state.arclength - state.previous_arclength
@@ -394,4 +396,4 @@ def _land_on_start(segment: CurveSegment, state: CurveState, options: CurveOptio
     found = segment.correct_on(state.start, constraint, segment.anchors[0])
     if found.point is None:
         return None
-    return curve_end(found, found.point, constraint, segment.chord, options.normal_form, segment.frame)
+    return curve_end(found, found.point, constraint, segment.chord, options.normal_form, segment.bordering)

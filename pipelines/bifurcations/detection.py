@@ -57,10 +57,12 @@ class Resonance(IntEnum):
 
 @dataclass(frozen=True)
 class DetectionOptions:
-    """``event_tolerance``: width of the final bracket along the branch; ``resonance_distance``: angle in rad
-    within which a strong resonance is reported; ``kinds``: what to look for (a conservative system has all
-    its multipliers on the unit circle, so that its Neimark-Sacker test is rounding noise: leave that kind
-    out).
+    """Options of the detection and location of bifurcations on a branch.
+
+    ``event_tolerance``: width of the final bracket along the branch; ``resonance_distance``: angle in
+    rad within which a strong resonance is reported; ``kinds``: what to look for.  A conservative system
+    has all its multipliers on the unit circle, so that its Neimark-Sacker test is rounding noise: leave
+    that kind out.
     """
 
     event_tolerance: float = 1e-10
@@ -125,9 +127,7 @@ class Event:
 
 
 def unstable_count(multipliers: Complex, autonomous: bool) -> int:
-    """Number of multipliers outside the unit circle by more than their residual, the trivial one left
-    out.
-    """
+    """Number of nontrivial multipliers outside the unit circle by more than their residual."""
     return int(np.sum(np.abs(nontrivial(multipliers, autonomous)) > 1.0 + _OUTSIDE))
 
 
@@ -158,7 +158,7 @@ def signed_smallest(factors: Complex) -> float:
 
 
 def _changes_sign(before: float, after: float) -> bool:
-    """Whether a test function changed sign; zero belongs to the side of no crossing, as in ``unstable``."""
+    """Whether a test function changed sign; zero counts as positive, and so as stable."""
     return (before < 0.0) != (after < 0.0)
 
 
@@ -182,7 +182,7 @@ def detect(before: BifurcationTests, after: BifurcationTests, turned: bool) -> t
 def kinds_between(
     segment: Segment, before: BifurcationTests, after: BifurcationTests
 ) -> tuple[EventKind, ...]:
-    """What the ends of a segment tell of the bifurcations on it."""
+    """Which bifurcations lie on a segment, judged from its two ends."""
     turned = segment.start_tangent.parameter * segment.end_tangent.parameter < 0.0
     kinds = detect(before, after, turned)
     at_one = {EventKind.FOLD, EventKind.BRANCH_POINT}
@@ -235,8 +235,9 @@ def strong_resonance(angle: float, distance: float) -> Resonance:
 
 
 def critical_multiplier(kind: EventKind, multipliers: Complex, autonomous: bool) -> complex | None:
-    """The multiplier that crosses, of a pair the one with positive imaginary part; None for a neutral
-    saddle.
+    """The multiplier that crosses the unit circle; None for a neutral saddle.
+
+    Of a pair the one with positive imaginary part.
     """
     mu = nontrivial(multipliers, autonomous)
     if kind is EventKind.PERIOD_DOUBLING:

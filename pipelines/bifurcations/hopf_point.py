@@ -25,7 +25,9 @@ _REAL = 1e-6  # imaginary part, relative to the largest eigenvalue, below which 
 
 @dataclass(frozen=True)
 class HopfPoint:
-    """The ``equilibrium`` (N,) with the eigenvalue i ``frequency`` (> 0), its ``eigenvector`` (N,) and the
+    """An equilibrium with a pair of imaginary eigenvalues.
+
+    The ``equilibrium`` (N,) with the eigenvalue i ``frequency`` (> 0), its ``eigenvector`` (N,) and the
     ``parameter``.
     """
 
@@ -71,7 +73,7 @@ def hopf_point(problem: CycleProblem, bracket: tuple[float, float], guess: Vecto
 
 
 def cycles_from_hopf(problem: CycleProblem, point: HopfPoint, amplitude: float) -> BranchStart | None:
-    """The start of the branch of cycles that is born at a Hopf point of ``problem``.
+    """The start of the branch of cycles born at a Hopf point of ``problem``.
 
     ``amplitude`` (> 0) of the entry that moves most.  None when no cycle of that amplitude was found: try a
     smaller one.
@@ -86,7 +88,7 @@ def cycles_from_hopf(problem: CycleProblem, point: HopfPoint, amplitude: float) 
 
 
 def _equilibrium(problem: CycleProblem, value: float, guess: Vector) -> Vector:
-    """f(s) = 0 by Newton's method."""
+    """Solve f(s) = 0 by Newton's method."""
     system, parameters = problem.period_map.system, problem.parameters_at(value)
     state = np.array(guess, dtype=float)
     for _ in range(_ITERATIONS):

@@ -1,4 +1,4 @@
-"""Where on a segment of a branch a bifurcation lies that ``detection`` has found.
+"""Locate a bifurcation on a segment of a branch on which ``detection`` has found it.
 
 It is the zero of a test function, sought on corrected cycles.  A point at which the branch was born is sought
 on the cycles of the other branch.
@@ -97,7 +97,7 @@ def locate(segment: Segment, kind: EventKind, options: DetectionOptions) -> tupl
 
 
 def _beside_branch_point(segment: Segment, cycles: dict[float, Cycle]) -> tuple[float, Cycle] | None:
-    """The branch point of a segment, from cycles at some distance of it; ``cycles``: some that are known."""
+    """The branch point of a segment, from cycles at some distance; ``cycles``: some known ones."""
     autonomous = segment.problem.period_map.autonomous
 
     def beyond_one(multipliers: Complex) -> float:
@@ -117,8 +117,9 @@ def _beside_branch_point(segment: Segment, cycles: dict[float, Cycle]) -> tuple[
 
 
 def _locate_birth(segment: Segment, kind: EventKind) -> tuple[LocationStop, Event | None]:
-    """The point at which a branch was born, found on the cycles of the other branch; the squares of the
-    multipliers of simple cycles are those of the doubled one.
+    """The point at which a branch was born, located on the cycles of the other branch.
+
+    The multipliers of a doubled cycle are the squares of those of the simple cycle.
     """
     doubled = kind is EventKind.OWN_PERIOD_DOUBLING
     find, turns = (own_doubling, 2) if doubled else (own_pitchfork, 1)
@@ -146,7 +147,7 @@ def _locate_birth(segment: Segment, kind: EventKind) -> tuple[LocationStop, Even
 
 
 def _largest_distance(segment: Segment, kind: EventKind) -> float:
-    """From the critical multiplier at either end of a segment to where it is critical."""
+    """The larger of the distances of the critical multiplier at both ends from its critical value."""
     autonomous = segment.problem.period_map.autonomous
     ends = (segment.start_multipliers, segment.end.spectrum.multipliers)
     critical = (critical_multiplier(kind, multipliers, autonomous) for multipliers in ends)
@@ -158,7 +159,7 @@ class _NotConvergedError(Exception):
 
 
 def _root(segment: Segment, kind: EventKind, cycle_at: Callable[[float], Cycle], width: float) -> float:
-    """Zero of the test function in (0, 1); the known end values are not computed again."""
+    """Zero of the test function in (0, 1); the known end values are not recomputed."""
     known = {
         0.0: _end_value(segment, kind, segment.start_multipliers, segment.start_tangent),
         1.0: _end_value(segment, kind, segment.end.spectrum.multipliers, segment.end_tangent),

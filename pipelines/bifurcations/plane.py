@@ -1,4 +1,4 @@
-"""Problem, positions, metric and passes of cycles over a plane of two parameters."""
+"""Problem, positions, metric and passes for cycles over a plane of two parameters."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ class CurveFormulation(StrEnum):
 
 @dataclass(frozen=True)
 class Position(Combination):
-    """A point or a direction in the space of (s, T, lambda_1, lambda_2): ``state`` (N,), ``parameters``
-    (2,).
+    """A point or a direction in the space of (s, T, lambda_1, lambda_2).
+
+    ``state`` (N,), ``parameters`` (2,).
     """
 
     state: Vector
@@ -99,19 +100,20 @@ class CurveProblem:
         return CycleProblem(self.period_map, self.parameters_at(position), self.names[0], self.options)
 
     def unknowns(self, position: Position) -> Unknowns:
-        """The position as seen by ``cycle_problem``."""
+        """The position in the unknowns of ``cycle_problem``."""
         return Unknowns(position.state, position.period, float(position.parameters[0]))
 
     def row_of_parameter(self, which: int) -> Position:
-        """The row that picks one of the two parameters."""
+        """The row that selects one of the two parameters."""
         return Position(np.zeros(self.period_map.size), 0.0, np.eye(2)[which])
 
 
 def metric_of(
     problem: CurveProblem, scales: tuple[float, float], period_scale: float = 2.0 * math.pi
 ) -> PlaneMetric:
-    """The metric for a problem; the scales are changes of each parameter and of the period that count as
-    one.
+    """The metric for a problem.
+
+    The scales are changes of each parameter and of the period that count as one.
     """
     period = 1.0 / period_scale**2 if problem.period_map.autonomous else 0.0
     return Metric(period, 1.0 / np.array(scales) ** 2)
@@ -119,7 +121,7 @@ def metric_of(
 
 @dataclass(frozen=True)
 class MapAt:
-    """The period map at one position: passes with given columns there and beside it."""
+    """The period map at one position: passes with given columns, there and at nearby positions."""
 
     problem: CurveProblem
     position: Position
@@ -144,8 +146,9 @@ class MapAt:
         return replace(self, position=self.problem.consistent(self.position.plus(direction, distance)))
 
     def length(self, columns: Matrix) -> float:
-        """The norm in which critical vectors have unit length: of one column, or of both parts of a complex
-        one.
+        """The norm in which critical vectors have unit length.
+
+        Of one column, or of both parts of a complex one.
         """
         return float(np.linalg.norm(columns))
 

@@ -1,4 +1,4 @@
-"""From a bifurcation to what starts there: curves in two parameters, branches of cycles, curves that meet.
+"""What starts at a bifurcation: curves in two parameters, branches of cycles, other curves.
 
 At a period doubling with eigenvector v, M v = -v, the cycles of twice the period are
 
@@ -53,7 +53,8 @@ def curve_from_event(
     formulation: CurveFormulation = CurveFormulation.BORDERED,
     smooth_maps: tuple[PeriodMap, ...] = (),
 ) -> tuple[CurveProblem, CurveStart]:
-    """The curve in the plane of two parameters through a bifurcation found on a branch of cycles;
+    """The curve in the plane of two parameters through a bifurcation found on a branch of cycles.
+
     ``smooth_maps`` as in CurveProblem.
 
     Raises ValueError for a branch point: see ``crossing_branch``.
@@ -66,8 +67,9 @@ def curve_from_event(
 
 
 def joined_curve(problem: CurveProblem, special: SpecialPoint) -> tuple[CurveProblem, CurveStart] | None:
-    """The other curve through a special point of a curve of ``problem``; None where there is none (see
-    `second_bifurcation`).
+    """The other curve through a special point of a curve of ``problem``.
+
+    None where there is none (see `second_bifurcation`).
 
     A Neimark-Sacker curve leaves R1 and R2 in one direction; every other curve goes on in both.
     """
@@ -78,7 +80,7 @@ def joined_curve(problem: CurveProblem, special: SpecialPoint) -> tuple[CurvePro
 def curve_of_second(
     problem: CurveProblem, special: SpecialPoint, second: SecondBifurcation
 ) -> tuple[CurveProblem, CurveStart]:
-    """The curve of what else becomes critical at a special point of a curve of ``problem``."""
+    """The curve of the second bifurcation at a special point of a curve of ``problem``."""
     first, last = (float(special.parameters[index]) for index in problem.indices)
     joined = replace(problem, kind=second.kind, formulation=CurveFormulation.BORDERED)
     return joined, CurveStart(special.state, (first, last), special.period, second.angle)
@@ -86,7 +88,7 @@ def curve_of_second(
 
 @dataclass(frozen=True)
 class NewBranch:
-    """The start of a branch of other cycles: for ``continue_branch(problem, start, ...)``.
+    """The start of a branch of other cycles, for ``continue_branch(problem, start, ...)``.
 
     ``problem``: with twice the turns (or the period) per cycle at a period doubling, the same at a branch
     point; ``direction``: the sense of the parameter in which the branch leaves the bifurcation.
@@ -150,8 +152,10 @@ def _branch_along(
     amplitude: float,
     known: Unknowns | None = None,
 ) -> NewBranch | None:
-    """The cycles at row . (u - origin) = A, for two values of A: the bifurcation itself is not the same with
-    other time steps, so that a second amplitude tells the sense.  ``known``: tangent of the known branch.
+    """The cycles at row . (u - origin) = A, for two values of A.
+
+    With other time steps the bifurcation itself moves, so a second amplitude is needed to find the
+    sense.  ``known``: tangent of the known branch.
     """
     steps = first_steps(problem, origin)
     if isinstance(steps, NewtonStop):
@@ -172,7 +176,7 @@ def _branch_along(
 
 
 def _near(moved: Unknowns, predicted: Unknowns, known: Unknowns) -> bool:
-    """Whether a cycle lies where the other branch starts, A (n + c t) with any c, and not on a third one."""
+    """Whether a cycle lies where the other branch starts, A (n + c t) with any c, not on a third branch."""
     rest, along = moved.state - predicted.state, known.state
     if np.any(along):
         rest = rest - along * float(along @ rest) / float(along @ along)
@@ -190,7 +194,7 @@ def doubled_map(period_map: PeriodMap) -> PeriodMap:
 
 
 def with_multiplied_period(problem: CycleProblem, turns: int) -> CycleProblem:
-    """The same problem for cycles that close after `turns` (1, 2, 4, ...) times the simple period."""
+    """The problem for cycles that close after `turns` (1, 2, 4, ...) times the simple period."""
     period_map = problem.period_map
     for _ in range(turns.bit_length() - 1):
         period_map = doubled_map(period_map)
@@ -207,7 +211,7 @@ def _cycle_of(problem: CycleProblem, event: Event) -> Cycle | None:
 
 
 def _flip_vector(cycle: Cycle) -> Vector:
-    """The eigenvector of -1, its largest entry one."""
+    """The eigenvector of -1, scaled to the largest entry one."""
     nearest = int(np.argmin(np.abs(cycle.spectrum.multipliers + 1.0)))
     complex_vector = cycle.spectrum.vectors[:, nearest]
     vector = (complex_vector / complex_vector[np.argmax(np.abs(complex_vector))]).real
@@ -215,7 +219,7 @@ def _flip_vector(cycle: Cycle) -> Vector:
 
 
 def _across(problem: CycleProblem, cycle: Cycle, along: Unknowns, metric: BranchMetric) -> Unknowns:
-    """The null direction of a branch point at right angles to the branch, its largest entry one."""
+    """The null direction of a branch point at right angles to the branch, scaled to the largest entry one."""
     reference = reference_of(problem, cycle.unknowns, cycle.steps)
     first, second = null_directions(problem, cycle, reference)
     across = first.scaled(metric.inner(along, second)).plus(second, -metric.inner(along, first))

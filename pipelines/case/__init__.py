@@ -1,13 +1,14 @@
 """The description of a case: tables, units and scales, sweeps, checks, identity.
 
 - fields: how a key is declared, and how it is found from its path
-- problems: what is wrong with a configuration, in words
+- problems: errors of a configuration, in words
 - rotor, bearings, settings: tables of the machine, the operating point, the numerics and the linear stages
 - curve_settings, torus_settings, transient_settings, refine_settings, calibrate_settings: tables of the
   other stages
 - models: the case: all tables, and the checks of one against another
-- stage_checks, plausible: what a stage asks of its tables; numbers in another unit than their key
-- scales, ring_statics: dimensionless variables and parameters; what a load does to the active ring
+- stage_checks, plausible: what a stage requires of its tables; numbers in the wrong unit
+- scales, ring_statics: dimensionless variables and parameters; deformation of the active ring
 - sweeps, reading, locating, rewriting: from TOML text to cases, with line numbers; and back into the text
 - identity, reference: the hash of a case; the reference of all keys
+- arrays: types of arrays, for all layers above
 """

@@ -103,7 +103,7 @@ class Foil(Table):
         because="the foil's rate is (p - k q)/c and c = eta k cannot be zero",
     )
     damping: Literal["proportional", "loss_factor"] = choice(
-        "reading of eta: `proportional` c = eta k (the paper's), `loss_factor` c = eta k/Omega",
+        "meaning of eta: `proportional` c = eta k (the paper's), `loss_factor` c = eta k/Omega",
         "proportional",
     )
     pressure: Literal["gauge", "absolute"] = choice(
@@ -132,7 +132,7 @@ class Bearing(Table):
     )
     radius: float = quantity("radius R", "m", at_least=1e-5, at_most=10, because="the journal has a radius")
     length: float = quantity(
-        "axial length L", "m", at_least=1e-5, at_most=10, because="a bearing without length carries nothing"
+        "axial length L", "m", at_least=1e-5, at_most=10, because="a bearing without length carries no load"
     )
     clearance: float = quantity("radial clearance c", "m", at_least=1e-7, because="thinner is no gas film")
     film: Literal["edge", "periodic"] = choice(
@@ -148,12 +148,12 @@ class Bearing(Table):
         because="an angle in rad, not in degrees",
     )
     clipping: Literal["gumbel", "smooth", "full"] = choice(
-        "sub-ambient pressure in the gas force: `gumbel` counts as ambient, `smooth` the same regularised, "
-        "`full` counts as it is",
+        "sub-ambient pressure in the gas force: `gumbel` counts it as ambient, `smooth` does so regularised, "
+        "`full` keeps it",
         "gumbel",
     )
     smoothing: float = quantity(
-        "half width of the regularisation of `smooth` about ambient pressure, as a part of it",
+        "half width of the regularisation of `smooth` about ambient pressure, relative to it",
         "1",
         0.01,
         above=0,

@@ -1,4 +1,4 @@
-"""The table of the calibration: which keys may change, and which values the machine must then meet."""
+"""The table of the calibration: which keys may change, and which values the machine must reach."""
 
 from __future__ import annotations
 
@@ -60,24 +60,24 @@ def _positive(value: tuple[float, float]) -> tuple[float, float]:
 
 
 class CalibrationTarget(Table):
-    """One value that the machine shall have."""
+    """One value that the machine must reach."""
 
     quantity: Literal["onset_speed", "critical_speed", "onset_slope"] = choice(
         "`onset_speed`: lowest speed at which the cycle (at displacement 0 the equilibrium) loses stability; "
-        "`critical_speed`: the one of `number`; `onset_slope`: d(onset speed)/d(excitation frequency), 0 at "
-        "the frequency of the highest onset speed",
+        "`critical_speed`: critical speed number `number`; `onset_slope`: d(onset speed)/d(excitation "
+        "frequency), 0 at the frequency of the highest onset speed",
         "onset_speed",
     )
-    value: float | None = scalar("the wanted value, dimensionless", "1", None)
+    value: float | None = scalar("the target value, dimensionless", "1", None)
     value_rpm: float | None = scalar(
-        "the same as a rotating speed", "rpm", None, above=0, because="a speed is positive"
+        "the target value as a rotating speed", "rpm", None, above=0, because="a speed is positive"
     )
     weight: float | None = scalar(
-        "by which the deviation is multiplied; 1 without uncertainty", "1", None, above=0,
-        because="a target without weight is none",
+        "factor on the deviation; 1 without uncertainty", "1", None, above=0,
+        because="a target without weight has no effect",
     )  # fmt: skip
     uncertainty: float | None = scalar(
-        "of the value, in its unit: deviations count in units of it", "of the value", None, above=0,
+        "uncertainty of the target value, in its unit", "of the value", None, above=0,
         because="deviations are divided by it",
     )  # fmt: skip
     bifurcation: Literal["any", "neimark_sacker", "period_doubling"] = choice(
@@ -93,7 +93,7 @@ class CalibrationTarget(Table):
         at_most=1, because="the slope is their central difference",
     )  # fmt: skip
     speed_range: Interval | None = table(
-        "speeds between which the onset is sought; calibrate.speed_range if not given", None, unit="1"
+        "speeds between which the onset is searched; calibrate.speed_range if not given", None, unit="1"
     )
     set: dict[str, Any] = table(
         'configuration keys of this target alone, such as { "excitation.frequency" = 0.2 }', {}
@@ -126,7 +126,7 @@ class CalibrationTarget(Table):
 
     @property
     def wanted(self) -> float:
-        """The wanted value in its own unit."""
+        """The target value in its own unit."""
         value = self.value if self.value is not None else self.value_rpm
         assert value is not None
         return value
@@ -152,10 +152,10 @@ class Calibrate(Table):
         "the unknowns", min_length=1, max_length=50, because="something must be free"
     )
     targets: tuple[CalibrationTarget, ...] = table(
-        "what the machine shall meet", min_length=1, max_length=200, because="something must be wanted"
+        "values that the machine must reach", min_length=1, max_length=200, because="something must be wanted"
     )
     max_evaluations: int = scalar(
-        "most machines that are computed, those of the differences included",
+        "maximum number of computed machines, including those for differences",
         "",
         60,
         at_least=2,
@@ -179,7 +179,7 @@ class Calibrate(Table):
         because="it must exceed the noise of the targets and stay local",
     )
     speed_range: Interval = table(
-        "dimensionless speeds between which onsets are sought", (0.3, 1.6), unit="1"
+        "dimensionless speeds between which onsets are searched", (0.3, 1.6), unit="1"
     )
 
     @field_validator("speed_range")
@@ -191,7 +191,7 @@ class Calibrate(Table):
 def calibration_inconsistencies(
     settings: Calibrate, document: Document, rebuild: Rebuild
 ) -> Iterator[Inconsistency]:
-    """What of a calibration the case, whose resolved ``document`` is given, does not bear."""
+    """What in a calibration contradicts the case, whose resolved ``document`` is given."""
     seen: set[str] = set()
     for index, parameter in enumerate(settings.parameters):
         at: Path = ("calibrate", "parameters", index)
@@ -214,7 +214,7 @@ def calibration_inconsistencies(
 
 
 def _refused(rebuild: Rebuild, assignments: Mapping[str, Any]) -> list[str]:
-    """Why a case with other values is none; empty when it is one."""
+    """Why a case with other values is invalid; empty if it is valid."""
     ((key, value),) = assignments.items()
     try:
         rebuild(assignments)

@@ -1,4 +1,4 @@
-"""Tables of the bifurcation curves: what to follow, in which plane, and how to search it."""
+"""Tables of the bifurcation curves: which curves to trace, in which plane, and how to search it."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Literal
 from pydantic import ValidationInfo, field_validator
 
 from pipelines.case.fields import (
-    LONGEST_STEP,
-    STEPS,
     InconsistentError,
     Number,
+    Parameter,
     Table,
+    arclength_step,
     choice,
+    most_points,
     quantity,
     steps_in_order,
     table,
 )
 
-Parameter = Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"]
 Kind = Literal["period_doubling", "neimark_sacker", "fold"]
 Interval = tuple[Number, Number]
 
@@ -36,26 +36,20 @@ class TrackCurves(Table):
     formulation: Literal["bordered", "extended"] = choice(
         "`bordered`: one test function closes the system; `extended`: eigenvectors as unknowns", "bordered"
     )
-    step: float = quantity("first arclength step", "1", 0.02, above=0, at_most=LONGEST_STEP, because=STEPS)
-    minimum_step: float = quantity(
-        "a curve ends when a step would be shorter", "1", 1e-6, above=0, at_most=LONGEST_STEP, because=STEPS
-    )
-    maximum_step: float = quantity(
-        "longest arclength step", "1", 0.05, above=0, at_most=LONGEST_STEP, because=STEPS
-    )
-    max_points: int = quantity(
-        "a curve ends after this many points, in each of its two directions",
-        "",
-        400,
-        at_least=1,
-        at_most=100_000,
-        because="the store is laid out for them",
-    )
+    step: float = arclength_step("first arclength step", 0.02)
+    minimum_step: float = arclength_step("a curve ends when a step would be shorter", 1e-6)
+    maximum_step: float = arclength_step("longest arclength step", 0.05)
+    max_points: int = most_points("a curve ends after this many points, in each of its two directions", 400)
     max_curves: int = quantity(
-        "most curves of each kind", "", 50, at_least=1, at_most=999, because="they are numbered c000 to c999"
+        "maximum number of curves of each kind",
+        "",
+        50,
+        at_least=1,
+        at_most=999,
+        because="they are numbered c000 to c999",
     )
     normal_forms: bool = table(
-        "whether sub- and supercritical are told apart by the normal form at every point", True
+        "whether every point gets its normal form, which separates sub- and supercritical", True
     )
 
     normal_form_widths: tuple[Number, ...] = table(
@@ -111,8 +105,8 @@ class BifurcationSet(Table):
         because="something must be followed",
     )
     boundaries: bool = table(
-        "whether only curves are followed that bound stable cycles where a branch or another curve meets "
-        "them; those of cycles that are unstable there are left out, even if they bound others elsewhere",
+        "whether to trace only curves that bound stable cycles where a branch or another curve meets them; "
+        "curves of cycles that are unstable there are skipped, even if they bound stable cycles elsewhere",
         False,
     )
     frequencies: int = quantity(
@@ -136,26 +130,23 @@ class BifurcationSet(Table):
         True,
     )
     max_rounds: int = quantity(
-        "most rounds of fresh branches; the search is complete when a round meets no new curve",
+        "maximum number of rounds of new branches; the search is complete when a round meets no new curve",
         "",
         4,
         at_least=1,
         at_most=50,
         because="each round has about as many branches as the first",
     )
-    maximum_step: float = quantity(
+    maximum_step: float = arclength_step(
         "longest arclength step of these branches",
-        "1",
         0.05,
-        above=0,
-        at_most=LONGEST_STEP,
         because="a tongue narrower than a step can be missed; arclength is dimensionless",
     )
     smallest_film: float = quantity(
-        "the branches along the speed begin at the lowest speed whose equilibrium leaves this film",
+        "branches along the speed begin at the lowest speed with at least this film thickness at equilibrium",
         "1",
         0.05,
         above=0,
         below=1,
-        because="below it the equilibrium is of no use",
+        because="with a thinner film the equilibrium is of no use",
     )

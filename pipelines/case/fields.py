@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import types
 from collections.abc import Iterator
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo
 from pydantic.fields import FieldInfo
@@ -42,6 +42,9 @@ ALTERNATIVES = (
 """Groups of keys that say the same thing; at most one of each is given."""
 
 Number = Annotated[float, Field(strict=True)]
+
+Parameter = Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"]
+"""What branches and curves are continued in."""
 
 LONGEST_STEP = 10.0
 STEPS = "a branch is followed in steps; arclength is dimensionless, and states and parameters are of size one"
@@ -96,6 +99,18 @@ def quantity(
     )
 
 
+def arclength_step(description: str, default: float, because: str = STEPS) -> Any:
+    """Declare the first, shortest or longest step of a continuation."""
+    return quantity(description, "1", default, above=0, at_most=LONGEST_STEP, because=because)
+
+
+def most_points(description: str, default: int) -> Any:
+    """Declare the most points of a branch or a curve."""
+    return quantity(
+        description, "", default, at_least=1, at_most=100_000, because="the store is laid out for them"
+    )
+
+
 def choice(description: str, default: str) -> Any:
     """Declare a key that takes one of a few words."""
     return Field(default, description=description)
@@ -110,7 +125,7 @@ def table(
 
 
 def extra_of(field: FieldInfo, name: str) -> str:
-    """The unit ("unit") or the reason of the bounds ("because") of a declared key, "" if it has none."""
+    """The unit ("unit") or the reason of the bounds ("because") of a declared key; "" if it has none."""
     extra = field.json_schema_extra
     return str(extra.get(name, "")) if isinstance(extra, dict) else ""
 
@@ -140,7 +155,7 @@ def model_of(annotation: Any) -> type[Table] | None:
 
 
 def holds_values(annotation: Any) -> bool:
-    """True where plain values may stand: not for tables, nor arrays of tables alone."""
+    """True where plain values may stand: not for tables or arrays of tables alone."""
     for kind in inner_types(annotation):
         parts = [part for part in get_args(kind) if part is not Ellipsis]
         if get_origin(kind) is tuple and any(map(holds_values, parts)):
@@ -201,7 +216,7 @@ def field_at(root: type[Table], path: Path) -> tuple[type[Table] | None, FieldIn
 
 
 def given(info: ValidationInfo, keys: tuple[str, ...]) -> list[str] | None:
-    """Those of `keys` that are set; None if one of them is itself invalid (then that is reported instead)."""
+    """Those of `keys` that are set; None if one of them is itself invalid (it is reported elsewhere)."""
     if any(key not in info.data for key in keys):
         return None
     return [key for key in keys if info.data[key] is not None and info.data[key] is not False]

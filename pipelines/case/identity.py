@@ -1,4 +1,4 @@
-"""Which case is this: a hash of what determines the numbers, and how two configurations differ."""
+"""Identity of a case: a hash of everything that determines the numbers, and how two configurations differ."""
 
 from __future__ import annotations
 

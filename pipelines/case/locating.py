@@ -1,4 +1,4 @@
-"""Line numbers of keys in TOML text, which the standard parser does not give.
+"""Line numbers of keys in TOML text, which the standard parser does not provide.
 
 The text is one that `tomllib` accepts, so that the scanner needs to know only where keys, strings, arrays and
 inline tables begin and end.  On any other text it stops early and never raises.
@@ -131,7 +131,7 @@ class _Scanner:
                 return tuple(parts)
 
     def _record(self, path: Path) -> None:
-        """Note the line of a path, and of the tables above it that no earlier line has opened."""
+        """Store the line of a path, and of the tables above it that no earlier line has opened."""
         while path and path not in self.found:
             self.found[path] = self._line()
             path = path[:-1]

@@ -60,7 +60,7 @@ MAXIMUM_UNKNOWNS = 20_000
 
 
 class Case(Table):
-    """One case: everything that a computation needs to know."""
+    """One case: everything that a computation needs."""
 
     name: str = quantity(
         "name of the case; letters, digits, `.`, `_`, `-`",
@@ -165,7 +165,7 @@ class Case(Table):
 
 
 def misplaced_journals(rotor: Rotor, nodes: Sequence[Any]) -> list[Inconsistency]:
-    """What is wrong with the nodes of the bearings; a node that is no number is reported elsewhere."""
+    """What is wrong with the nodes of the bearings; an invalid node number is reported elsewhere."""
     problems: list[Inconsistency] = []
     for index, node in enumerate(nodes):
         if not isinstance(node, int) or node < 0:
@@ -184,7 +184,7 @@ def misplaced_journals(rotor: Rotor, nodes: Sequence[Any]) -> list[Inconsistency
 
 
 def _require_open_films(excitation: Excitation, scales: Scales) -> None:
-    """Refuse a load that presses a ring onto its journal, as a displacement of a whole clearance is."""
+    """Refuse a ring load that presses the ring onto its journal: a displacement of a whole clearance."""
     factors = scales.ring_factors(excitation)
     moved = scales.ring_displacement(excitation) * max(factors)
     if moved < 1.0:

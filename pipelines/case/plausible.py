@@ -1,4 +1,4 @@
-"""Numbers that are in another unit than their key: rpm, Hz or N/m3 where a dimensionless number belongs.
+"""Numbers given in the wrong unit: rpm, Hz or N/m3 where a dimensionless number belongs.
 
 A speed that no shaft survives was not meant. The circumference of a rotating ring bears the stress rho v^2,
 so that steel and titanium end at v = sqrt(sigma/rho) = 500 m/s and carbon fibre at 1000 m/s. With twice that
@@ -33,7 +33,7 @@ class _Value:
 
 
 def implausible_values(case: Case, table: str) -> Iterator[Inconsistency]:
-    """The values of one of the case's tables that are in another unit than that of their key."""
+    """The values in one of the case's tables that seem to have another unit than their key."""
     if getattr(case, table) is None:
         return
     scales = case.scales
@@ -54,7 +54,7 @@ def implausible_values(case: Case, table: str) -> Iterator[Inconsistency]:
 
 
 def _values(case: Case, table: str) -> Iterator[_Value]:
-    """The numbers of a table that have a unit to be mistaken."""
+    """The numbers of a table whose unit can be mistaken."""
     if table == "operation":
         yield _Value((table, "speed"), SPEED, [case.operation.speed])
         yield _Value((table, "speed_rpm"), RPM, [case.operation.speed_rpm])
@@ -95,7 +95,7 @@ def _calibration_values(case: Case) -> Iterator[_Value]:
 
 
 def _too_fast(scales: Scales, given: Sequence[float], fastest: float) -> str:
-    """Of rpm that were written as a dimensionless speed."""
+    """The message for rpm given as a dimensionless speed."""
     meant = _shown([scales.speed_from_rpm(number) for number in given], 4)
     return (
         f"a dimensionless speed, Omega t0 with t0 = {scales.time:.3g} s: {_shown(given[-1:])} would be "
@@ -105,7 +105,7 @@ def _too_fast(scales: Scales, given: Sequence[float], fastest: float) -> str:
 
 
 def _too_frequent(scales: Scales, given: Sequence[float], fastest: float) -> str:
-    """Of Hz that were written as a dimensionless frequency."""
+    """The message for Hz given as a dimensionless frequency."""
     meant = _shown([scales.from_hertz(number) for number in given], 4)
     return (
         f"a dimensionless frequency, omega t0 with t0 = {scales.time:.3g} s: {_shown(given[-1:])} would be "
@@ -115,7 +115,7 @@ def _too_frequent(scales: Scales, given: Sequence[float], fastest: float) -> str
 
 
 def _too_stiff(scales: Scales, given: Sequence[float]) -> str:
-    """Of an areal stiffness that was written as a dimensionless one."""
+    """The message for an areal stiffness given as a dimensionless stiffness."""
     meant = _shown([number * scales.displacement / scales.pressure for number in given], 4)
     return (
         f"a dimensionless stiffness, k c/p0: above {STIFFEST_FOIL:g} a foil is rigid; {_shown(given)} N/m3 "
@@ -124,7 +124,7 @@ def _too_stiff(scales: Scales, given: Sequence[float]) -> str:
 
 
 def _rpm(scales: Scales, given: Sequence[float], fastest: float) -> Iterator[str]:
-    """Of rpm that no shaft survives, or of a dimensionless speed that was written as rpm."""
+    """The message for rpm that no shaft survives, or a dimensionless speed given as rpm."""
     largest, smallest = max(given), min(given)
     if scales.speed_from_rpm(largest) > fastest:
         most = scales.speed_rpm(fastest)

@@ -1,4 +1,4 @@
-"""What is wrong with a configuration: place, value, what is allowed and the nearest valid key."""
+"""Errors of a configuration: place, value, what is allowed and the nearest valid key."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _OUT_OF_BOUNDS = {
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong."""
+    """One error of a configuration."""
 
     file: str
     """The name of the file, or the command-line override."""
@@ -62,7 +62,7 @@ class Problem:
 
 
 class CaseError(ValueError):
-    """A configuration cannot be used; `problems` are all that is wrong with it, in the order of the file."""
+    """A configuration cannot be used; `problems` lists all errors in the order of the file."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         unique = dict.fromkeys(problems)
@@ -89,13 +89,13 @@ class Places:
     """Places of the values that an override or a sweep has set; they win over the lines."""
 
     def own(self, path: Path) -> tuple[str, int | None] | None:
-        """The place of a key that is written down, None otherwise."""
+        """The place of a key that is written in the file; None otherwise."""
         if path in self.origins:
             return self.origins[path]
         return (self.file, self.lines[path]) if path in self.lines else None
 
     def nearest(self, path: Path) -> tuple[str, int | None]:
-        """The place of a key, of the key it is inherited from, or of the innermost table around it."""
+        """The place of a key, of the key that it inherits from, or of the innermost table around it."""
         for length in range(len(path), 0, -1):
             part = path[:length]
             if (place := self.own(part) or self.own(_in_first_bearing(part))) is not None:
@@ -104,7 +104,7 @@ class Places:
 
 
 def problems_of(error: ValidationError, root: type[Table], places: Places) -> list[Problem]:
-    """Translate what the models refuse.
+    """Translate the errors of the models into problems.
 
     A key that the second bearing inherits is reported once, for the first bearing; a misspelt key is not
     reported as missing too.
@@ -199,7 +199,7 @@ def _unknown(root: type[Table], owner: type[Table] | None, path: Path) -> tuple[
 
 
 def value_at(value: Any, path: Path) -> Any:
-    """The part of an input that a path below it names; the input itself where the path leads nowhere."""
+    """The part of an input at a path; the input itself where the path leads nowhere."""
     for part in path:
         try:
             value = value[part]
@@ -209,7 +209,7 @@ def value_at(value: Any, path: Path) -> Any:
 
 
 def shown(value: Any) -> str:
-    """A value as one would write it, shortened; tables and nothing as ""."""
+    """A value as a user would write it, shortened; tables and nothing as ""."""
     if value is None or isinstance(value, dict) or (isinstance(value, list | tuple) and _holds_tables(value)):
         return ""
     try:

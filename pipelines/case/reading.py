@@ -1,4 +1,4 @@
-"""From TOML text to cases: parse, inherit, override, sweep, validate; every problem is reported at once."""
+"""From TOML text to cases: parse, inherit, override, sweep, validate; all problems are reported at once."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _sweeps(document: Document, places: Places, problems: list[Problem]) -> list
 def _override(
     document: Document, sweeps: list[Sweep], overrides: Sequence[str], places: Places, problems: list[Problem]
 ) -> list[Sweep]:
-    """Carry out the overrides; returns the sweeps that are left."""
+    """Apply the overrides; returns the remaining sweeps."""
     for text in overrides:
         source = f"--set {text}"
         try:
@@ -155,14 +155,14 @@ def _swept(keys: Sequence[str], values: Any) -> Sweep:
 
 
 def _replaced(sweeps: Sequence[Sweep], new: Sweep) -> list[Sweep]:
-    """The sweeps with a new one, in the place of the first that has one of its keys."""
+    """The sweeps with a new one instead of the first that has one of its keys."""
     shared = (place for place, sweep in enumerate(sweeps) if set(sweep.keys) & set(new.keys))
     first = next(shared, len(sweeps))
     return [*sweeps[:first], new, *_without(sweeps[first:], new.keys)]
 
 
 def _without(sweeps: Sequence[Sweep], keys: Collection[str]) -> list[Sweep]:
-    """The sweeps of the other keys."""
+    """The sweeps of all other keys."""
     return [left for sweep in sweeps if (left := sweep.without(keys)) is not None]
 
 
@@ -175,7 +175,7 @@ def _case(
     problems: list[Problem],
     stages: Collection[str] | None,
 ) -> NamedCase | None:
-    """One case of the sweep; None if it has problems, which are added."""
+    """One case of the sweep; None if it has problems, which are appended."""
     own = copy.deepcopy(document)
     own_places = replace(places, origins=dict(places.origins))
     misplaced = False
@@ -204,7 +204,7 @@ def _case(
 
 
 def stage_problems(named: NamedCase, stages: Iterable[str]) -> list[Problem]:
-    """Why stages cannot compute a case, each thing once."""
+    """Why stages cannot compute a case, each reason once."""
     of_stages = (misfit for stage in stages for misfit in stage_inconsistencies(named.case, stage))
     misfits = dict.fromkeys((*machine_inconsistencies(named.case), *of_stages))
     return [_stage_problem(named, path, message) for path, message in misfits]
@@ -218,7 +218,7 @@ def _stage_problem(named: NamedCase, path: Path, message: str) -> Problem:
 
 
 def _journal_problems(document: Document, places: Places) -> list[Problem]:
-    """Bearings off the shaft, found also where something else is wrong with the bearings."""
+    """Bearings off the shaft, found even if something else is wrong with the bearings."""
     bearings = document.get("bearings")
     if not isinstance(bearings, list) or not all(isinstance(item, dict) for item in bearings):
         return []

@@ -1,4 +1,4 @@
-"""The reference of the configuration, made from the models: Markdown to read, JSON schema for editors."""
+"""The reference of the configuration, made from the models: Markdown for readers, JSON schema for editors."""
 
 from __future__ import annotations
 
@@ -43,8 +43,9 @@ def reference_markdown() -> str:
 
 
 def settable_keys() -> dict[str, tuple[str, ...]]:
-    """The dotted keys of all values below which no table lies, each with the words it can have, or with its
-    default as an example; keys with a free name are left out.
+    """The dotted keys of all plain values, each with the words that it allows or its default as an example.
+
+    Keys with a free name are left out.
     """
     keys = {name: field for name, field in keys_of(Case) if ".NAME" not in name}
     settable = {name: _examples(field) for name, field in keys.items() if holds_values(field.annotation)}

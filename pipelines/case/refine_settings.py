@@ -16,10 +16,10 @@ class Refine(Table):
         "circumferential intervals of the two finer grids / those of numerics.circumferential, rising",
         (1.5, 2.25),
         unit="1",
-        because="three grids tell the order of convergence, equal ratios tell it best",
+        because="three grids determine the order of convergence, most accurately with equal ratios",
     )
     points_per_curve: int = quantity(
-        "points of every bifurcation curve that are recomputed beside its first one",
+        "recomputed points of every bifurcation curve besides its first",
         "",
         3,
         at_least=0,
@@ -27,12 +27,12 @@ class Refine(Table):
         because="they are spread evenly along the curve",
     )
     tolerance_factor: float = quantity(
-        "numerics.multiplier_tolerance of the recomputed points / that of the stored ones",
+        "numerics.multiplier_tolerance of recomputed points / of stored points",
         "1",
         0.1,
         above=0,
         at_most=1,
-        because="the time steps must not blur what the grids tell",
+        because="the error of the time steps must stay far below that of the grids",
     )
 
     @field_validator("factors")

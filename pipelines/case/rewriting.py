@@ -1,4 +1,4 @@
-"""The text of a configuration with other values at some keys, everything else untouched."""
+"""Change the values of some keys in the text of a configuration and leave the rest as it is."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipelines.case.sweeps import MisplacedError, assign
 
 
 class NotWrittenError(ValueError):
-    """A key whose value does not stand in the text."""
+    """A key whose value is not in the text."""
 
 
 def with_values(text: str, values: Mapping[str, float]) -> str:

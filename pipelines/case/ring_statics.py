@@ -1,4 +1,4 @@
-"""How far the active outer ring deforms under two opposite loads.
+"""Deformation of the active outer ring under two opposite loads.
 
 Appendix of the paper, with the moment of area corrected. A thick ring of centroidal radius R_c, wall t
 (radial) and width b under two opposite loads W changes its diameters by
@@ -25,7 +25,7 @@ RECTANGLE_FORM_FACTOR = 6.0 / 5.0
 
 @dataclass(frozen=True)
 class RingCoefficients:
-    """k1 and k2 of a ring (both 1 when it is thin) and the deformations they give."""
+    """k1 and k2 of a ring (both 1 when it is thin) and the resulting deformations."""
 
     k1: float
     k2: float
@@ -37,7 +37,7 @@ class RingCoefficients:
 
     @property
     def horizontal(self) -> float:
-        """Lengthening of the diameter across over W R_c^3 / E I."""
+        """Lengthening of the perpendicular diameter over W R_c^3 / E I."""
         return 2.0 * self.k2**2 / math.pi - self.k2 + self.k1 / 2.0
 
     @property

@@ -170,7 +170,7 @@ _NODE_NUMBER = TypeAdapter(NodeNumber)
 
 
 def _master(value: Any) -> int | Master:
-    """A master as it is written; without slopes the number of its node, so that one rotor has one form."""
+    """A master as written in the file; without slopes its node number, so that a rotor has one form."""
     if isinstance(value, dict | Master):
         master = Master.model_validate(value)
         return master if master.slopes else master.node
@@ -299,12 +299,12 @@ class Rotor(Table):
 
     @property
     def slope_nodes(self) -> tuple[int, ...]:
-        """Master nodes whose slopes are kept too, rising."""
+        """Master nodes whose slopes are kept as well, rising."""
         return tuple(master.node for master in self.masters if isinstance(master, Master))
 
     @property
     def condensed_freedoms(self) -> int:
-        """Freedoms of the condensed rotor: x, y of every master, and two slopes where they are kept."""
+        """Degrees of freedom of the condensed rotor: x, y of every master, and two slopes where kept."""
         return 2 * (len(self.masters) + len(self.slope_nodes))
 
     @property
@@ -324,7 +324,7 @@ def _last_node(info: ValidationInfo) -> int | None:
 
 
 def node_of(master: int | Master) -> int:
-    """Node of a master, however it is written."""
+    """Node of a master in either notation."""
     return master if isinstance(master, int) else master.node
 
 

@@ -98,7 +98,7 @@ class Scales:
 
     @classmethod
     def of(cls, gas: Gas, bearings: Sequence[Bearing]) -> Self:
-        """Scales of bearings in a gas; the first bearing sets those of the machine."""
+        """Scales of bearings in a gas; the first bearing sets the scales of the machine."""
         first = bearings[0]
         p0 = gas.ambient_pressure
         time = film_time(gas.viscosity, p0, first.radius, first.clearance)
@@ -167,7 +167,7 @@ class Scales:
     def parameter_values(
         self, excitation: Excitation, operation: Operation
     ) -> tuple[float, float, float, float]:
-        """Values in the order of `PARAMETERS`, NaN for one that the machine does not have.
+        """Values in the order of `PARAMETERS`, NaN for a parameter that the machine does not have.
 
         Without excitation there need be no excitation frequency. The foil stiffness is that of the first
         bearing that has a foil; there is none where both are rigid.
@@ -188,7 +188,7 @@ class Scales:
         return next((value for value in stiffnesses if math.isfinite(value)), math.nan)
 
     def ring_displacement(self, excitation: Excitation) -> float:
-        """Largest vertical displacement of the rings over c: as given, or that of the load on the ring."""
+        """Largest vertical displacement of the rings over c: as given, or caused by the load on the ring."""
         if excitation.displacement is not None:
             return excitation.displacement
         assert excitation.ring is not None  # the table's own checks
@@ -196,7 +196,7 @@ class Scales:
         return ring_displacement_from_load(excitation.ring, excitation.load) / self.displacement
 
     def ring_factors(self, excitation: Excitation) -> tuple[float, float]:
-        """Displacement of each bearing's ring over its own clearance, in units of the common one.
+        """Displacement of each bearing's ring over its own clearance, relative to the common displacement.
 
         A displacement is given in clearances of either bearing; a load moves both rings by the same length.
         """

@@ -7,14 +7,15 @@ from typing import Literal
 from pydantic import ValidationInfo, field_validator
 
 from pipelines.case.fields import (
-    LONGEST_STEP,
     SPEED,
-    STEPS,
     InconsistentError,
     Number,
+    Parameter,
     Table,
+    arclength_step,
     choice,
     inside_range,
+    most_points,
     parameter_range,
     positive_range,
     quantity,
@@ -76,7 +77,7 @@ class Numerics(Table):
         "esdirk5",
     )
     multiplier_tolerance: float = quantity(
-        "error of the Floquet multipliers that the time steps of `esdirk5` may leave",
+        "largest error of the Floquet multipliers from the time steps of `esdirk5`",
         "1",
         1e-6,
         above=0,
@@ -100,7 +101,7 @@ class Numerics(Table):
         because="events are located far below it otherwise",
     )
     newton_iterations: int = quantity(
-        "most Newton iterations per point",
+        "maximum number of Newton iterations per point",
         "",
         12,
         at_least=1,
@@ -124,7 +125,7 @@ class Numerics(Table):
         because="a bracket is halved until it is this narrow",
     )
     max_columns: int = quantity(
-        "most columns of the slow subspace",
+        "maximum number of columns of the slow subspace",
         "",
         64,
         at_least=2,
@@ -221,7 +222,7 @@ class Criticals(Table):
 class ContinueCycles(Table):
     """Continuation of limit cycles in one parameter."""
 
-    parameter: Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"] = choice(
+    parameter: Parameter = choice(
         "dimensionless parameter that is continued; `foil_stiffness` scales both foils together", "speed"
     )
     range: tuple[Number, Number] = table(
@@ -235,26 +236,10 @@ class ContinueCycles(Table):
         "phase condition (needed for self-excited whirl, displacement 0)",
         "stroboscopic",
     )
-    step: float = quantity("first arclength step", "1", 0.02, above=0, at_most=LONGEST_STEP, because=STEPS)
-    minimum_step: float = quantity(
-        "the branch ends when a step would be shorter",
-        "1",
-        1e-5,
-        above=0,
-        at_most=LONGEST_STEP,
-        because=STEPS,
-    )
-    maximum_step: float = quantity(
-        "longest arclength step", "1", 0.05, above=0, at_most=LONGEST_STEP, because=STEPS
-    )
-    max_points: int = quantity(
-        "the branch ends after this many points",
-        "",
-        200,
-        at_least=1,
-        at_most=100_000,
-        because="the store is laid out for them",
-    )
+    step: float = arclength_step("first arclength step", 0.02)
+    minimum_step: float = arclength_step("the branch ends when a step would be shorter", 1e-5)
+    maximum_step: float = arclength_step("longest arclength step", 0.05)
+    max_points: int = most_points("the branch ends after this many points", 200)
     minimum_film: float = quantity(
         "the branch ends where a film becomes thinner than this part of its clearance",
         "1",

@@ -1,4 +1,4 @@
-"""What a stage asks of the tables that it reads, beyond the form of each key.
+"""What a stage requires of its tables, beyond the form of each key.
 
 These checks belong to the stage that is asked for: a table never stops a stage that does not read it.
 """
@@ -32,13 +32,13 @@ CLOSED = "times the largest of excitation.amplitudes must stay below 1: the ring
 
 
 def machine_inconsistencies(case: Case) -> Iterator[Inconsistency]:
-    """What no stage can compute, each with its path in the case."""
+    """Values with which no stage can compute, each with its path in the case."""
     for table in ("operation", "excitation", "unbalance"):
         yield from implausible_values(case, table)
 
 
 def stage_inconsistencies(case: Case, stage: str) -> Iterator[Inconsistency]:
-    """What makes a stage (of `STAGE_TABLES`) impossible for a case, each with its path in the case."""
+    """Why a stage (of `STAGE_TABLES`) is impossible for a case, each reason with its path in the case."""
     for table in STAGE_TABLES[stage]:
         yield from implausible_values(case, table)
     yield from _CHECKS.get(stage, _nothing)(case)
@@ -70,7 +70,7 @@ def _curves(case: Case) -> Iterator[Inconsistency]:
 
 
 def _set(case: Case) -> Iterator[Inconsistency]:
-    """The search itself says where there is nothing to search: that is a result."""
+    """Errors of the curves to search; a machine without any is a result of the search, not an error."""
     if not _is_passive(case):
         yield from _curves(case)
 
@@ -116,7 +116,7 @@ def _along(case: Case, name: str, interval: Sequence[float], at: Path) -> Iterat
 def _own_value(
     case: Case, name: str, interval: Sequence[float], start: float | None, at: Path
 ) -> Iterator[Inconsistency]:
-    """Whether a branch that has no ``start`` can begin at the case's own value."""
+    """Whether a branch without ``start`` can begin at the case's own value."""
     low, high = interval
     value = case.parameters[PARAMETERS.index(name)]
     if start is None and not math.isnan(value) and not low <= value <= high:

@@ -38,11 +38,11 @@ class Sweep:
 
     @property
     def name(self) -> str:
-        """As in the file: the key, or several with commas between them."""
+        """The name as in the file: one key, or several separated by commas."""
         return ", ".join(self.keys)
 
     def without(self, keys: Collection[str]) -> Sweep | None:
-        """The sweep of its other keys, rows that are then equal once; None where no key is left."""
+        """The sweep of its other keys, equal rows once; None if no key is left."""
         kept = [column for column, key in enumerate(self.keys) if key not in keys]
         if not kept or len(kept) == len(self.keys):
             return self if kept else None
@@ -52,7 +52,7 @@ class Sweep:
 
 
 def inherit_bearing(document: Document) -> None:
-    """Copy keys that the second of two [[bearings]] leaves out from the first, `node` excepted.
+    """Copy keys that the second of two [[bearings]] omits from the first, except `node`.
 
     Tables are merged key by key; a key replaces its alternatives (`areal_stiffness` a `stiffness`).
     """
@@ -168,8 +168,9 @@ def split_keys(name: str) -> tuple[str, ...]:
 
 
 def sweep_of(keys: Sequence[str], values: Any, source: Path) -> Iterator[Sweep | Inconsistency]:
-    """The sweep of the keys over a list of values, or of lists with a value for each of several keys; or the
-    paths of what is wrong, and what it is.
+    """The sweep of keys over a list of values, or the paths of what is wrong and the reasons.
+
+    Several keys take lists with a value for each of them.
     """
     if not isinstance(values, list) or not values:
         yield source, "must be a list with at least one value"
@@ -185,8 +186,9 @@ def sweep_of(keys: Sequence[str], values: Any, source: Path) -> Iterator[Sweep |
 
 
 def combinations(sweeps: Sequence[Sweep]) -> Iterator[tuple[str, tuple[tuple[Any, ...], ...]]]:
-    """Case id and a row of every sweep, such as ("stiffness=3_displacement=0.2", ((3,), (0.2,))), for all
-    combinations of rows.
+    """Case id and a row of every sweep, for all combinations of rows.
+
+    For instance ("stiffness=3_displacement=0.2", ((3,), (0.2,))).
 
     Raises MisplacedError for too many combinations, a key that is swept twice, or rows that give one id
     twice.
@@ -207,7 +209,7 @@ def combinations(sweeps: Sequence[Sweep]) -> Iterator[tuple[str, tuple[tuple[Any
 
 
 def _fitting(case_id: str) -> str:
-    """The id, or as much of it as fits with digits that tell it from others with the same beginning."""
+    """The id, or a shortened id with digits that distinguish it from others with the same beginning."""
     if len(case_id) <= LONGEST_ID:
         return case_id
     digits = hashlib.sha256(case_id.encode()).hexdigest()[:_DIGITS]
@@ -215,7 +217,7 @@ def _fitting(case_id: str) -> str:
 
 
 def _short_names(keys: Sequence[str]) -> list[str]:
-    """The shortest ends of the keys that tell them apart."""
+    """The shortest ends of the keys that distinguish them."""
     names = []
     for key in keys:
         parts = key.split(".")
@@ -232,7 +234,7 @@ def _words(row: Sequence[Any]) -> tuple[str, ...]:
 
 
 def _word(value: Any) -> str:
-    """A value as a part of a file name."""
+    """A value as part of a file name."""
     if isinstance(value, float) or (
         isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**53
     ):

@@ -1,4 +1,4 @@
-"""Table of the tori: from where quasi-periodic orbits are followed, and how."""
+"""Table of the tori: where branches of quasi-periodic orbits start and how they are continued."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Literal
 from pydantic import field_validator
 
 from pipelines.case.bearings import Excitation
-from pipelines.case.curve_settings import Parameter
 from pipelines.case.fields import (
-    LONGEST_STEP,
-    STEPS,
     Inconsistency,
     InconsistentError,
     Number,
+    Parameter,
     Table,
+    arclength_step,
     choice,
     inside_range,
+    most_points,
     parameter_range,
     quantity,
     steps_in_order,
@@ -68,38 +68,22 @@ class ContinueTori(Table):
         below=1,
         because="a torus of no size is the cycle",
     )
-    step: float = quantity("first arclength step", "1", 0.01, above=0, at_most=LONGEST_STEP, because=STEPS)
-    minimum_step: float = quantity(
-        "the branch ends when a step would be shorter",
-        "1",
-        1e-4,
-        above=0,
-        at_most=LONGEST_STEP,
-        because=STEPS,
-    )
-    maximum_step: float = quantity(
-        "longest arclength step", "1", 0.05, above=0, at_most=LONGEST_STEP, because=STEPS
-    )
-    max_points: int = quantity(
-        "a branch ends after this many points",
-        "",
-        100,
-        at_least=1,
-        at_most=100_000,
-        because="the store is laid out for them",
-    )
+    step: float = arclength_step("first arclength step", 0.01)
+    minimum_step: float = arclength_step("the branch ends when a step would be shorter", 1e-4)
+    maximum_step: float = arclength_step("longest arclength step", 0.05)
+    max_points: int = most_points("a branch ends after this many points", 100)
     tolerance: float = quantity(
-        "what the Fourier series of an invariant curve may lack, largest state component",
+        "largest error of the Fourier series of an invariant curve, largest state component",
         "1",
         1e-6,
         above=0,
         at_most=1e-2,
-        because="the number of angles is chosen by it; the clipped film is not analytic, so that each "
-        "further digit is dearer than the one before",
+        because="it determines the number of angles; the clipped film is not analytic, so that each "
+        "further digit is more expensive",
     )
     max_angles: int = quantity(
-        f"most angles along an invariant curve, odd; they are raised from {FEWEST_ANGLES} as 2 M + 1 where "
-        "the tolerance asks for it",
+        f"maximum number of angles along an invariant curve, odd; raised from {FEWEST_ANGLES} as 2 M + 1 "
+        "where the tolerance requires it",
         "",
         127,
         at_least=FEWEST_ANGLES,
@@ -122,7 +106,7 @@ class ContinueTori(Table):
 def torus_inconsistencies(
     stage: ContinueTori, excitation: Excitation, formulation: str, unbalance: Unbalance | None
 ) -> Iterator[Inconsistency]:
-    """What makes tori of this case impossible; ``formulation``: that of its cycles."""
+    """Why tori of this case are impossible; ``formulation``: of its cycles."""
     if stage.origin == "unbalance" and unbalance is None:
         yield ("origin",), "needs the table [unbalance], which says where the rotor is out of balance"
     if excitation.frequency is None and excitation.frequency_hz is None:

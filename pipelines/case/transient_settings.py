@@ -1,4 +1,4 @@
-"""Tables of the rotor's unbalance and of the transient runs."""
+"""Tables of the rotor's unbalance and of transients."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def unbalance_moments(
 
 
 class Transient(Table):
-    """Time integration, with the table [unbalance] if there is one; `units` are those of times and speeds."""
+    """Time integration, with the table [unbalance] if given; `units` apply to times and speeds."""
 
     start: str = quantity(
         "`equilibrium`, a branch of cycles of the same case such as `cycles/b000`, or an earlier run such as "
@@ -161,7 +161,7 @@ class Transient(Table):
     units: Literal["dimensionless", "si"] = choice(
         "units of times and speeds in this table: `dimensionless`, or `si` for s and rpm", "dimensionless"
     )
-    duration: float = quantity("how long the run takes", "see units", 500.0, above=0, because="time runs on")
+    duration: float = quantity("duration of the run", "see units", 500.0, above=0, because="time runs on")
     times: tuple[Number, ...] = table(
         "times of the table of speeds, from 0; the speed is linear in between and stays after the last",
         (),
@@ -175,7 +175,7 @@ class Transient(Table):
         max_length=MOST_KNOTS,
     )
     angle: float = quantity(
-        "rotation angle at the start, from an equilibrium or a cycle; an earlier run hands on its own",
+        "rotation angle at the start, from an equilibrium or a cycle; an earlier run sets its own angle",
         "rad",
         0.0,
     )
@@ -197,7 +197,7 @@ class Transient(Table):
         because="a ring that jumps would strike the film",
     )
     tolerance: float = quantity(
-        "error of the state after the first reference period that the time steps may leave",
+        "largest error of the state from the time steps, after the first reference period",
         "1",
         1e-6,
         above=0,
@@ -214,7 +214,7 @@ class Transient(Table):
         because="a period needs steps to be resolved",
     )
     samples_per_period: float = quantity(
-        "stored samples per reference period; below 1 every so many periods",
+        "stored samples per reference period; below 1 one sample in several periods",
         "1",
         64.0,
         above=0,
@@ -251,7 +251,7 @@ class Transient(Table):
     @classmethod
     def _own_angle(cls, value: float, info: ValidationInfo) -> float:
         if value != 0.0 and str(info.data.get("start", "")).startswith("transient"):
-            raise InconsistentError("must be left out: the run that is gone on from has its own angle")
+            raise InconsistentError("must be left out: the earlier run sets the angle")
         return value
 
     @field_validator("start_row")
@@ -308,7 +308,7 @@ class Transient(Table):
 
 
 def unbalance_on_shaft(unbalance: Unbalance | None, info: ValidationInfo) -> Unbalance | None:
-    """The case's check that every plane of the unbalance lies on the shaft."""
+    """Check that every plane of the unbalance lies on the shaft."""
     rotor: Rotor | None = info.data.get("rotor")
     if unbalance is None or rotor is None:
         return unbalance
@@ -323,6 +323,6 @@ def unbalance_on_shaft(unbalance: Unbalance | None, info: ValidationInfo) -> Unb
 
 
 def transient_inconsistencies(stage: Transient, excitation: Excitation) -> Iterator[Inconsistency]:
-    """What makes a run impossible for the case's excitation."""
+    """Why a transient is impossible with the case's excitation."""
     if stage.excitation.startswith("switch") and 0 in (excitation.displacement, excitation.load):
         yield ("excitation",), "there is nothing to switch: excitation.displacement is 0"

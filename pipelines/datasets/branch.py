@@ -1,4 +1,4 @@
-"""Writing groups: branches row by row, everything else at once.
+"""Write groups: branches row by row, everything else at once.
 
 A commit writes the row's chunks, the slot and the events, and then replaces the group's ``zarr.json``, whose
 ``n_points`` and ``n_events`` say what is valid. That one atomic replace makes the row exist; whatever stopped
@@ -57,7 +57,7 @@ def open_branch(
     static: Values | None = None,
     attributes: Mapping[str, Any] | None = None,
 ) -> BranchWriter:
-    """Open a branch for writing: made when it does not exist, resumed when it does.
+    """Open a branch for writing: create it, or resume it if it exists.
 
     ``sizes`` gives the capacity along the kind's row dimension and the sizes of all other dimensions; arrays
     with a dimension that has no size are left out. ``static`` holds the arrays that are written once. On
@@ -86,8 +86,9 @@ def open_branch(
 def write_group(
     store: Store, group: str, kind: str, arrays: Values, attributes: Mapping[str, Any] | None = None
 ) -> None:
-    """Write a whole group at once; one that exists is replaced. After an interruption there is either all of
-    it or none.
+    """Write a whole group at once; an existing group is replaced.
+
+    After an interruption the group is complete or absent.
 
     Sizes follow from the arrays; arrays of the kind that are not given are left out. Raises like
     `open_branch`.
@@ -105,8 +106,10 @@ def write_group(
 
 
 def has_ended(attributes: Mapping[str, Any], n_points: int, wanting_points: str, max_points: int) -> bool:
-    """Whether a branch has ended for good: not for want of points (stop reason ``wanting_points``) when more
-    are allowed now.
+    """Whether a branch has ended for good.
+
+    A branch that ended for lack of points (stop reason ``wanting_points``) has not if more are allowed
+    now.
     """
     if attributes["status"] != ENDED:
         return False
@@ -114,8 +117,9 @@ def has_ended(attributes: Mapping[str, Any], n_points: int, wanting_points: str,
 
 
 def sizes_of(kind: str, arrays: Values) -> dict[str, int]:
-    """Sizes of the dimensions of given arrays. Raises ValueError where two arrays disagree, KeyError for
-    unknown arrays.
+    """Sizes of the dimensions of given arrays.
+
+    Raises ValueError where two arrays disagree, KeyError for unknown arrays.
     """
     sizes: dict[str, int] = {}
     for name, value in arrays.items():
@@ -129,7 +133,7 @@ def sizes_of(kind: str, arrays: Values) -> dict[str, int]:
 
 
 class BranchWriter:
-    """The one writer of a branch (see `open_branch`); a context manager that gives the lock back."""
+    """The only writer of a branch (see `open_branch`); a context manager that releases the lock."""
 
     def __init__(self, store: Store, group: str, kind: str, lock: GroupLock) -> None:
         metadata = read_group_metadata(store.path, group, kind)
@@ -147,12 +151,12 @@ class BranchWriter:
 
     @property
     def n_points(self) -> int:
-        """Committed rows."""
+        """Number of committed rows."""
         return int(self._attributes["n_points"])
 
     @property
     def n_events(self) -> int:
-        """Committed events."""
+        """Number of committed events."""
         return int(self._attributes["n_events"])
 
     @property
@@ -162,11 +166,11 @@ class BranchWriter:
 
     @property
     def capacity(self) -> int:
-        """Rows that fit."""
+        """Number of rows that fit."""
         return next(iter(self._rows.values())).array.shape[0]
 
     def commit(self, row: Values, slots: Values | None = None, events: Sequence[Values] = ()) -> None:
-        """Add one row with its slot data and the events found since the row before it.
+        """Add one row with its slot data and the events found since the previous row.
 
         Every row, slot and event array of the group must be given. When it returns, all of it is on disk;
         when it raises (OSError: disk full, ...), nothing of it counts and the same commit can be tried again.
@@ -176,8 +180,9 @@ class BranchWriter:
         self._write([row], new_slots, events)
 
     def extend(self, rows: Sequence[Values], events: Sequence[Values] = ()) -> None:
-        """Add several rows, or none, and events in one commit, for kinds without slots. Raises like
-        ``commit``.
+        """Add any number of rows and events in one commit, for kinds without slots.
+
+        Raises like ``commit``.
         """
         if self._slots:
             raise ValueError(f"{self.kind} has slots, which belong to one row: commit its rows one by one")
@@ -199,14 +204,15 @@ class BranchWriter:
         self._replace_attributes({**counts, "status": RUNNING, "stop_reason": "", "stop_advice": ""})
 
     def newest_event(self) -> dict[str, Array] | None:
-        """A copy of the newest event, None when there is none yet."""
+        """A copy of the newest event; None if there is none yet."""
         if self.n_events == 0:
             return None
         return {name: column.newest(self.n_events - 1) for name, column in self._events.items()}
 
     def finish(self, stop_reason: str, advice: str = "", **attributes: Any) -> None:
-        """Say why the branch ended, with advice and further attributes (no NaN). A later commit sets it
-        running again.
+        """Store why the branch ended, with advice and further attributes (no NaN).
+
+        A later commit sets it running again.
         """
         if taken := RESERVED & set(attributes):
             raise ValueError(f"attributes {', '.join(sorted(taken))} belong to the writer")
@@ -215,7 +221,7 @@ class BranchWriter:
         )
 
     def resume_row(self) -> Resume | None:
-        """The newest committed row with its slot, None when there is none yet. Raises CorruptedError."""
+        """The newest committed row with its slot; None if there is none yet. Raises CorruptedError."""
         if self.n_points == 0:
             return None
         newest = self.n_points - 1
@@ -229,11 +235,11 @@ class BranchWriter:
         )
 
     def is_complete(self, wanting_points: str, max_points: int) -> bool:
-        """Whether it has ended for good (see `has_ended`)."""
+        """Whether the branch has ended for good (see `has_ended`)."""
         return has_ended(self._attributes, self.n_points, wanting_points, max_points)
 
     def close(self) -> None:
-        """Give the right to write back."""
+        """Release the lock."""
         self._lock.release()
 
     def __enter__(self) -> BranchWriter:
@@ -261,7 +267,7 @@ class BranchWriter:
 
 
 class _Column:
-    """The newest chunk of an array that grows, kept in memory: a commit rewrites it and reads nothing.
+    """The newest chunk of a growing array, kept in memory: a commit rewrites it and reads nothing.
 
     Rows behind the newest are fill values, whatever an interrupted commit left in the file.
     """
@@ -273,7 +279,7 @@ class _Column:
         self._load(count)
 
     def _load(self, count: int) -> None:
-        """Take the chunk of the last of ``count`` committed rows from the store."""
+        """Read the chunk that holds the last of ``count`` committed rows."""
         self._index = max(0, count - 1) // self._step
         self._chunk = self._empty()
         start = self._index * self._step
@@ -282,7 +288,7 @@ class _Column:
             self._chunk[: count - start] = committed
 
     def write(self, first: int, rows: Sequence[Array]) -> None:
-        """Put rows at ``first`` and behind, and write the chunks they are in."""
+        """Put rows at ``first`` and after it, and write their chunks."""
         if rows and first // self._step < self._index:  # a commit of several rows failed in a later chunk
             self._load(first)
         for number, row in enumerate(rows, start=first):
@@ -332,7 +338,7 @@ def _make(
 
 @contextmanager
 def _making(store: Store, folder: Path, arrays: Sequence[str]) -> Iterator[None]:
-    """Empty a group's folder, mark it as being made (`MAKING`), and take the mark away when that is done.
+    """Empty a group's folder, mark it as being made (`MAKING`), and remove the mark when done.
 
     A group that was there does not exist from here on. The mark tells what an interruption left from a group
     that has lost its metadata.
@@ -349,7 +355,7 @@ def _making(store: Store, folder: Path, arrays: Sequence[str]) -> Iterator[None]
 
 
 def _clear(folder: Path, mark: Path | None) -> None:
-    """Remove everything in a folder but the mark and what holds it."""
+    """Remove everything in a folder except the mark and the lock."""
     for entry in list(folder.iterdir()) if folder.is_dir() else ():
         if mark is not None and entry == mark.parent:
             _clear(entry, mark)
@@ -377,8 +383,9 @@ def _publish(store: Store, folder: Path, kind: str, attributes: Mapping[str, Any
 def _adopt(
     store: Store, group: str, kind: str, sizes: Mapping[str, int], attributes: Mapping[str, Any]
 ) -> bool:
-    """Whether the branch that is there can be gone on with; not where it was asked for otherwise and has no
-    rows that would be lost.
+    """Whether the existing branch can be resumed.
+
+    Not if it was requested with other attributes and has no rows that would be lost.
     """
     metadata = read_group_metadata(store.path, group, kind)
     stored, growing = metadata.attributes["dimensions"], {KINDS[kind].row, KINDS[kind].event}
@@ -395,7 +402,7 @@ def _adopt(
         return False
     if differing:
         raise OtherConfigurationError(
-            f"the branch was computed otherwise: {'; '.join(differing)}",
+            f"the branch was computed with other settings: {'; '.join(differing)}",
             "Name another store with -o, move this one aside with --force, or remove this folder",
             metadata.folder,
         )
@@ -405,7 +412,7 @@ def _adopt(
 
 
 def _unlike(before: Any, now: Any) -> tuple[Any, Any]:
-    """The parts in which two attributes differ: of two tables, the entries that are not the same."""
+    """The parts in which two attributes differ: of two tables, the unequal entries."""
     if not (isinstance(before, dict) and isinstance(now, dict)):
         return before, now
     keys = [key for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
@@ -420,7 +427,7 @@ def _enlarge(
     found: Mapping[str, ArrayLayout],
     sizes: Mapping[str, int],
 ) -> None:
-    """Bring every array and the group to the wanted capacity; repeats what an interruption left half done."""
+    """Bring every array and the group to the wanted capacity; completes an interrupted enlargement."""
     for name, array in layout(kind, sizes, tuple(found)).items():
         if array.shape != found[name].shape:
             replace_file(folder / name / METADATA, encode_array(array), durable=store.durable)

@@ -1,4 +1,4 @@
-"""Chunks of one array: each is one file, encoded and decoded here.
+"""Chunks of one array: each chunk is one file, encoded and decoded here.
 
 Zarr writes and reads the same bytes, through its event loop and in four times the time; a commit has some
 forty small files. What its environment and its files of settings say about that does not matter here, and
@@ -33,7 +33,8 @@ _BLOSC_HEADER = struct.Struct(
 
 
 def write_chunk(store: Store, group: str, array: ArrayLayout, index: int, rows: Array) -> None:
-    """Replace chunk ``index`` (along the rows) by at most ``array.chunks[0]`` rows and fill values behind.
+    """Replace chunk ``index`` (along the rows) by at most ``array.chunks[0]`` rows, padded with fill values.
+
     Raises OSError.
     """
     content = np.full(array.chunks, array.spec.fill, dtype=np.dtype(array.spec.dtype).newbyteorder("<"))
@@ -43,8 +44,9 @@ def write_chunk(store: Store, group: str, array: ArrayLayout, index: int, rows: 
 
 
 def write_array(store: Store, group: str, array: ArrayLayout, content: Array) -> None:
-    """Write all rows of an array. Chunks of fill values are written too: a missing file means a lost one.
-    Raises OSError.
+    """Write all rows of an array.
+
+    Chunks of fill values are written too: a missing file means lost data.  Raises OSError.
     """
     step = array.chunks[0]
     for index in range(len(array.chunk_files())):
@@ -52,7 +54,7 @@ def write_array(store: Store, group: str, array: ArrayLayout, content: Array) ->
 
 
 def _encode(content: Array) -> bytes:
-    """The bytes that the codecs of `pipelines.datasets.layout.array_metadata` make of a chunk."""
+    """The bytes of a chunk after the codecs of `pipelines.datasets.layout.array_metadata`."""
     codec = numcodecs.blosc.Blosc("zstd", BLOSC_LEVEL, numcodecs.blosc.SHUFFLE)
     compressed = bytes(codec.encode(content))
     return compressed + google_crc32c.value(compressed).to_bytes(_CHECKSUM_BYTES, "little")
@@ -61,8 +63,9 @@ def _encode(content: Array) -> bytes:
 def read_array(
     store: Store, group: str, array: ArrayLayout, start: int = 0, stop: int | None = None
 ) -> Array:
-    """Rows ``start`` to ``stop`` (all when None). Raises CorruptedError naming the chunk that is missing or
-    damaged.
+    """Rows ``start`` to ``stop`` (all when None).
+
+    Raises CorruptedError naming the chunk that is missing or damaged.
     """
     stop = array.shape[0] if stop is None else stop
     step, folder = array.chunks[0], store.path / group / array.spec.name
@@ -74,7 +77,7 @@ def read_array(
 
 
 def _read_chunk(path: Path, array: ArrayLayout) -> Array:
-    """The rows of a chunk file, those behind the last of the array among them."""
+    """The rows of a chunk file, including those after the last row of the array."""
     if (size := regular_file_size(path)) is None:
         raise CorruptedError("a chunk is missing", _advice(path), path)
     expected = prod(array.chunks) * np.dtype(array.spec.dtype).itemsize
@@ -88,7 +91,7 @@ def _read_chunk(path: Path, array: ArrayLayout) -> Array:
 
 
 def _decode(stored: bytes, expected: int) -> Array:
-    """What `_encode` was given, as ``expected`` bytes. Raises ValueError and RuntimeError for damaged data.
+    """The inverse of `_encode`, as ``expected`` bytes. Raises ValueError and RuntimeError for damaged data.
 
     The size that the header announces is what Blosc allocates: it is looked at before anything else.
     """
@@ -104,7 +107,7 @@ def _decode(stored: bytes, expected: int) -> Array:
 
 
 def damaged_chunk(path: Path, why: str) -> CorruptedError:
-    """The error for a chunk whose content is not what was written."""
+    """The error for a chunk whose content differs from what was written."""
     return CorruptedError(f"damaged chunk ({why[:150]})", f"{_advice(path)}", path)
 
 

@@ -1,4 +1,4 @@
-"""Two stores against each other: what only one has, and how far apart the rest is.
+"""Compare two stores: what only one of them has, and how far the rest differs.
 
 Numbers are compared relative to the largest magnitude of their array in either store, so that noise in
 components that are nearly zero does not count. Integers and flags are the same or are not. Slots, which serve
@@ -17,7 +17,6 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import KDTree
 
@@ -25,10 +24,8 @@ from pipelines.case.identity import differences
 from pipelines.datasets.curves import BifurcationCurve, read_curve
 from pipelines.datasets.metadata import CHECKSUM, GroupMetadata, read_group_metadata
 from pipelines.datasets.reading import list_cases, list_groups, read_group
-from pipelines.datasets.schema import KINDS, GroupSpec
-from pipelines.datasets.store import Store
-
-Array = NDArray[Any]
+from pipelines.datasets.schema import KINDS, Array, GroupSpec
+from pipelines.datasets.store import Store, case_group
 
 # Attributes that say how much room there is, what was asked for and what a curve started from: no results.
 NOT_RESULTS = frozenset(
@@ -52,8 +49,10 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class ArrayComparison:
-    """One array of both stores. ``difference``: the largest one, over the largest magnitude of the array
-    (None for shapes that differ, or for arrays that only one has: see ``reason``); ``place`` its index.
+    """One array of both stores.
+
+    ``difference``: the largest one, over the largest magnitude of the array (None for shapes that
+    differ, or for arrays that only one store has: see ``reason``); ``place``: its index.
     """
 
     array: str
@@ -64,15 +63,16 @@ class ArrayComparison:
 
     @property
     def is_wrong(self) -> bool:
-        """Whether it makes the results differ."""
+        """Whether this array makes the results differ."""
         return self.verdict is Verdict.DIFFERENT and self.array not in DIAGNOSTICS
 
 
 @dataclass(frozen=True)
 class EventMatch:
-    """A bifurcation located in both stores, rows ``first`` and ``second`` of the events. ``differences``:
-    second minus first value of each of the coordinates; ``distance``: the largest one, over the largest
-    magnitude of that coordinate.
+    """A bifurcation located in both stores.
+
+    Rows ``first`` and ``second`` of the events. ``differences``: second minus first value of each
+    coordinate; ``distance``: the largest one, over the largest magnitude of that coordinate.
     """
 
     kind: str
@@ -84,8 +84,9 @@ class EventMatch:
 
 @dataclass(frozen=True)
 class CurveDistance:
-    """The largest distance of a point of one curve from the other curve, in parameters over their largest
-    magnitudes, and the parameters of that point.
+    """The largest distance of a point of one curve from the other curve, and the parameters of that point.
+
+    In parameters over their largest magnitudes.
     """
 
     distance: float
@@ -94,8 +95,10 @@ class CurveDistance:
 
 @dataclass(frozen=True)
 class GroupComparison:
-    """One group of both stores. ``attributes``: sentences on those that differ; ``unmatched``: located
-    bifurcations that only one store has.
+    """One group of both stores.
+
+    ``attributes``: sentences on those that differ; ``unmatched``: located bifurcations that only one
+    store has.
     """
 
     group: str
@@ -108,7 +111,7 @@ class GroupComparison:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether the results are the same within the tolerance (see the module)."""
+        """Whether the results agree within the tolerance (see the module)."""
         apart = any(match.distance > self.tolerance for match in self.matches)
         if self.curve is not None:
             apart = apart or self.curve.distance > self.tolerance
@@ -122,8 +125,10 @@ class GroupComparison:
 
 @dataclass(frozen=True)
 class StoreComparison:
-    """Two stores. ``configuration``: sentences on the physics and numerics in which cases of the same name
-    differ, which are told and do not count.
+    """Two stores.
+
+    ``configuration``: sentences on differences of physics and numerics between cases of equal name,
+    which are reported but do not count.
     """
 
     only_first: tuple[str, ...]
@@ -154,11 +159,11 @@ def compare_stores(first: Store, second: Store, tolerance: float) -> StoreCompar
 def _places(store: Store) -> set[str]:
     cases = list_cases(store)
     groups = {group for case in cases for group in list_groups(store, case)}
-    return groups | {f"cases/{case}" for case in cases}
+    return groups | {case_group(case) for case in cases}
 
 
 def _outermost(names: set[str]) -> tuple[str, ...]:
-    """Cases, and those groups whose case is not among them."""
+    """Cases, and groups whose case is not among them."""
     return tuple(sorted(n for n in names if "/".join(n.split("/")[:2]) not in names - {n}))
 
 
@@ -190,7 +195,7 @@ def compare_groups(first: Store, second: Store, group: str, tolerance: float) ->
 
 
 def compare_arrays(name: str, first: Array, second: Array, tolerance: float) -> ArrayComparison:
-    """Compare two arrays; what is no number in both is the same."""
+    """Compare two arrays; NaN in both counts as equal."""
     if first.shape != second.shape:
         reason = f"shape {first.shape} / {second.shape}"
         return ArrayComparison(name, Verdict.DIFFERENT, None, (), reason)
@@ -210,7 +215,7 @@ def compare_arrays(name: str, first: Array, second: Array, tolerance: float) -> 
 
 
 def _magnitude(first: Array, second: Array) -> float:
-    """The largest finite magnitude of both, 1 where all are zero."""
+    """The largest finite magnitude in both arrays; 1 if all are zero."""
     both = np.abs(np.concatenate([first.ravel(), second.ravel()]))
     return float(np.max(both[np.isfinite(both)], initial=0.0)) or 1.0
 
@@ -237,8 +242,9 @@ def _alike(first: Any, second: Any, tolerance: float) -> bool:
 def _events(
     spec: GroupSpec, first: Store, second: Store, group: str
 ) -> tuple[tuple[EventMatch, ...], tuple[str, ...]]:
-    """Located bifurcations of both stores, each matched with the nearest of its kind so that the sum of the
-    distances is smallest, and those left over. Kinds without events have none.
+    """Located bifurcations of both stores in matched pairs, and those without a match.
+
+    Pairs have equal kind; the sum of their distances is smallest. Kinds without events have none.
     """
     places = [f"event_{name}" for name in spec.coordinates]
     names = ("event_kind", *places)
@@ -256,8 +262,8 @@ def _events(
         pairs = list(zip(*linear_sum_assignment(apart.max(axis=2)), strict=True))
         for a, b in pairs:
             change = points[1][rows[1][b]] - points[0][rows[0][a]]
-            told = dict(zip(spec.coordinates, change.tolist(), strict=True))
-            one = EventMatch(str(kind), int(rows[0][a]), int(rows[1][b]), told, float(apart[a, b].max()))
+            changes = dict(zip(spec.coordinates, change.tolist(), strict=True))
+            one = EventMatch(str(kind), int(rows[0][a]), int(rows[1][b]), changes, float(apart[a, b].max()))
             matches.append(one)
         for store, which in (("first", 0), ("second", 1)):
             left = sorted(set(range(len(rows[which]))) - {int(pair[which]) for pair in pairs})
@@ -283,8 +289,9 @@ def _present(store: Store, group: str, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def curve_distance(first: BifurcationCurve | None, second: BifurcationCurve | None) -> CurveDistance | None:
-    """The largest distance of either curve from the other (Hausdorff); None unless both are curves over the
-    same two parameters.
+    """The largest distance of either curve from the other (Hausdorff).
+
+    None unless both are curves over the same two parameters.
     """
     if first is None or second is None or first.parameters != second.parameters:
         return None
@@ -314,7 +321,7 @@ def _largest_distance(curve: BifurcationCurve, other: BifurcationCurve, scales: 
 
 
 def _samples(curve: BifurcationCurve) -> Array:
-    """Arclengths of the rows and of places between them."""
+    """Arclengths of the rows and of points between them."""
     rows = np.arange(len(curve.arclength))
     fine = np.linspace(0, rows[-1], SAMPLES_PER_SEGMENT * (len(rows) - 1) + 1)
     return np.interp(fine, rows, curve.arclength)

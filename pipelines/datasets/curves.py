@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
 
-CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
+CURVE_CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
 FINISHED = frozenset(
     {"closed", "range", "resonance_1", "resonance_2", "traced"}
 )  # reasons after which nothing is missing
@@ -50,7 +50,7 @@ class BifurcationCurve:
 
     @property
     def is_complete(self) -> bool:
-        """Whether the curve was followed to an end beyond which there is none of it in the plane."""
+        """Whether the curve was traced to an end beyond which none of it lies in the plane."""
         return self.stop_reason in FINISHED
 
     @cached_property
@@ -63,7 +63,7 @@ class BifurcationCurve:
 
     @cached_property
     def extrema(self) -> tuple[Array, Array]:
-        """Arclengths at which each parameter is stationary, ends left out."""
+        """Arclengths at which each parameter is stationary, without the ends."""
         first, second = (_finite(spline.derivative().roots(extrapolate=False)) for spline in self.splines)
         return first, second
 
@@ -95,7 +95,7 @@ class BifurcationCurve:
         return np.unique(between)
 
     def unstable_at(self, arclength: float) -> int:
-        """Multipliers outside the circle beside the critical ones.
+        """Number of multipliers outside the circle besides the critical ones.
 
         Between two rows that differ, and without a located special point to tell where, the smaller number:
         it calls more of the curve a boundary of stability.
@@ -113,7 +113,7 @@ class BifurcationCurve:
         return float(np.interp(arclength, self.arclength, self.angle))
 
     def _neighbours(self, arclength: float) -> tuple[int, int]:
-        """The rows that speak for a place: both around it, or one alone where special points lie beyond."""
+        """The rows that apply at a position: both around it, or only one if special points lie between."""
         last = len(self.arclength) - 1
         row = int(np.clip(np.searchsorted(self.arclength, arclength, side="right") - 1, 0, last - 1))
         inside = self.special[(self.special > self.arclength[row]) & (self.special < self.arclength[row + 1])]
@@ -122,15 +122,14 @@ class BifurcationCurve:
         return (row + 1, row + 1) if len(inside) and arclength > inside[-1] else (row, row + 1)
 
     def stretches(self) -> Array:
-        """Arclengths (m,) of the rows and special points: nothing changes its kind between two of them."""
+        """Arclengths (m,) of the rows and special points; the kind is constant between two of them."""
         return np.unique(np.concatenate([self.arclength, self.special]))
 
 
 def read_curve(
     name: str, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]
 ) -> BifurcationCurve | None:
-    """The curve of a group of kind ``curve`` (flags as their meanings); None while it has less than two
-    points.
+    """The curve of a group of kind ``curve`` (flags as their meanings); None below two points.
 
     Where tangents or arclength are missing, central differences along the chords take their place.
     """
@@ -169,7 +168,7 @@ def read_curve(
 def _special(
     arrays: Mapping[str, NDArray[Any]], names: Sequence[str], arclength: Array, points: Array
 ) -> Array:
-    """Arclengths of the special points, from where they lie along the chord of their segment."""
+    """Arclengths of the special points, from their positions along the chord of their segment."""
     if "event_after_point" not in arrays:
         return np.zeros(0)
     after = np.clip(np.asarray(arrays["event_after_point"], dtype=np.intp), 0, len(points) - 2)
@@ -182,6 +181,6 @@ def _special(
 
 
 def _finite(values: Array) -> Array:
-    """Roots without the NaN that follows the start of a segment on which a cubic vanishes."""
+    """Roots without the NaN that follows the start of a segment whose cubic vanishes."""
     roots = np.asarray(values, dtype=np.float64)
     return np.unique(roots[np.isfinite(roots)])

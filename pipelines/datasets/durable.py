@@ -1,4 +1,4 @@
-"""Files that survive: written beside their target, forced to disk, then renamed over it.
+"""Durable files: written beside their target, forced to disk, then renamed over it.
 
 After a power cut a file that was renamed but not forced to disk may be empty. Everything a store writes goes
 through `replace_file`.
@@ -45,8 +45,9 @@ def _write(path: Path, data: bytes | memoryview, durable: bool) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Force the names in a folder to disk. File systems that cannot sync folders (some network ones) are left
-    alone.
+    """Force the names in a folder to disk.
+
+    File systems that cannot sync folders (some network ones) are left alone.
     """
     descriptor = os.open(folder, os.O_RDONLY)
     try:
@@ -71,8 +72,9 @@ def make_folder(folder: Path, *, durable: bool = True) -> None:
 
 
 def sweep_partials(folder: Path, *, below: bool = True) -> None:
-    """Remove what interrupted writes left in a folder and below it. Only the holder of the folder's lock may
-    do so.
+    """Remove the remains of interrupted writes in a folder and below it.
+
+    Only the holder of the folder's lock may do so.
     """
     pattern = "*" + PARTIAL
     for left in list(folder.rglob(pattern) if below else folder.glob(pattern)):
@@ -80,5 +82,5 @@ def sweep_partials(folder: Path, *, below: bool = True) -> None:
 
 
 def about(error: OSError, path: Path) -> OSError:
-    """The same error of the operating system (same errno, same subclass), naming the file it is about."""
+    """An error of the operating system with its errno and subclass, naming the file concerned."""
     return OSError(error.errno, error.strerror or str(error), str(path))

@@ -1,4 +1,4 @@
-"""What can be wrong with a store; every error says what to do about it.
+"""What can be wrong with a store; every error comes with advice.
 
 What the operating system refuses (full disk, missing permission) stays an OSError and names the file.
 """
@@ -9,8 +9,9 @@ from pathlib import Path
 
 
 class StoreError(Exception):
-    """A store cannot be used. ``advice`` tells the user what to change; ``path`` is the file or folder
-    concerned.
+    """A store cannot be used.
+
+    ``advice`` tells the user what to change; ``path`` is the file or folder concerned.
     """
 
     def __init__(self, message: str, advice: str, path: Path | str | None = None) -> None:
@@ -29,7 +30,7 @@ class StoreError(Exception):
 
 
 class NotAStoreError(StoreError):
-    """The path holds nothing, or something else."""
+    """The path holds nothing, or no store."""
 
 
 class ForeignStoreError(StoreError):

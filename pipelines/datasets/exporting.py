@@ -1,4 +1,4 @@
-"""Stores as files of other programs: comma-separated tables, netCDF, MATLAB.
+"""Export stores to comma-separated tables, netCDF and MATLAB files.
 
 Only committed rows are exported.  Arrays with more than `WIDEST` numbers a row (states, orbits, film
 snapshots) are left out unless all are asked for.
@@ -22,7 +22,7 @@ from pipelines.datasets.durable import replace_file
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS, Array, ArraySpec
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, local_name
 
 WIDEST = 64
 _OF_THE_STORE = ("dimensions", "arrays", "attributes_crc32c")  # and the first is a name in netCDF itself
@@ -31,15 +31,16 @@ _LONGEST_NAME = 63  # of a variable of MATLAB
 
 @dataclass(frozen=True)
 class PlannedFile:
-    """A file of an export, and the function that reads what belongs in it."""
+    """A file of an export, and the function that reads its content."""
 
     path: Path
     content: Callable[[], bytes]
 
 
 def planned_files(store: Store, case: str, folder: Path, kind: str, full: bool) -> list[PlannedFile]:
-    """The files of a case: one table for every group and leading dimension (``csv``), one file for every
-    group (``netcdf``), or one for the case (``mat``). Reads metadata only; raises StoreError.
+    """The files of a case: tables (``csv``), or one file for every group (``netcdf``) or case (``mat``).
+
+    A table for every group and leading dimension. Reads metadata only; raises StoreError.
     """
     if kind == "mat":
         return [PlannedFile(folder / f"{case}.mat", partial(_mat, store, case, full))]
@@ -59,7 +60,7 @@ def planned_files(store: Store, case: str, folder: Path, kind: str, full: bool) 
 
 
 def write_files(files: Sequence[PlannedFile]) -> list[Path]:
-    """Write the files, each of which is then complete or absent.
+    """Write the files; each is complete or absent afterwards.
 
     Raises StoreError, OSError, and ImportError without xarray (netcdf).
     """
@@ -70,7 +71,7 @@ def write_files(files: Sequence[PlannedFile]) -> list[Path]:
 
 
 def _chosen(store: Store, name: str, full: bool) -> tuple[ArraySpec, ...]:
-    """The arrays of a group that are exported: nothing that serves only to go on."""
+    """The exported arrays of a group: those that serve only to resume are left out."""
     group = read_group(store, name, ())
     sizes: Mapping[str, int] = group.attributes["dimensions"]
     return tuple(
@@ -87,7 +88,7 @@ def _spec(group: Group, name: str) -> ArraySpec:
 
 
 def _csv(store: Store, name: str, names: Sequence[str]) -> bytes:
-    """A table with a commented line on every array; entries of arrays and parts of numbers are columns."""
+    """A table with a comment line for every array; array entries and real and imaginary parts are columns."""
     group, text = read_group(store, name, names), io.StringIO(newline="")
     columns: dict[str, Array] = {}
     for array in names:
@@ -122,16 +123,16 @@ def _netcdf(store: Store, name: str, names: Sequence[str]) -> bytes:
     dataset = xarray.Dataset(attrs=_plain(group.attributes))
     for array, values in group.arrays.items():
         spec = _spec(group, array)
-        told: dict[str, Any] = {"long_name": spec.long_name, "units": spec.units}
+        attributes: dict[str, Any] = {"long_name": spec.long_name, "units": spec.units}
         if spec.flags:
-            del told["units"]
-            told["flag_values"] = np.arange(-1, len(spec.flags), dtype=np.int8)
-            told["flag_meanings"] = " ".join(("unset", *spec.flags))
+            del attributes["units"]
+            attributes["flag_values"] = np.arange(-1, len(spec.flags), dtype=np.int8)
+            attributes["flag_meanings"] = " ".join(("unset", *spec.flags))
         if np.iscomplexobj(values):
-            dataset[f"{array}_real"] = (spec.dimensions, values.real, told)
-            dataset[f"{array}_imag"] = (spec.dimensions, values.imag, told)
+            dataset[f"{array}_real"] = (spec.dimensions, values.real, attributes)
+            dataset[f"{array}_imag"] = (spec.dimensions, values.imag, attributes)
         else:
-            dataset[array] = (spec.dimensions, values, told)
+            dataset[array] = (spec.dimensions, values, attributes)
     return bytes(dataset.to_netcdf(engine="scipy"))
 
 
@@ -157,7 +158,7 @@ def _mat(store: Store, case: str, full: bool) -> bytes:
         }
         struct["units"] = {array[:_LONGEST_NAME]: _spec(group, array).units for array in group.arrays}
         struct["attributes"] = json.dumps(dict(group.attributes))
-        content[name.split("/", 2)[2].replace("/", "_")] = struct
+        content[local_name(name).replace("/", "_")] = struct
     stream = io.BytesIO()
     savemat(stream, content, long_field_names=True, do_compression=True)
     return stream.getvalue()

@@ -1,4 +1,4 @@
-"""Why a stage failed on a case: told by the case's attributes until that stage succeeds.
+"""Why a stage failed on a case: stored in the case's attributes until that stage succeeds.
 
 A process that was killed cannot say why, and messages on a terminal are gone. So the driver of a run, which
 hears of every end, writes it down: one atomic replace of the case's ``zarr.json``. A case without failures
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pipelines.datasets.durable import replace_file, sweep_partials
 from pipelines.datasets.locking import GroupLock
 from pipelines.datasets.metadata import CASE, FAILURES, METADATA, encode_group, read_group_metadata
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group
 
 
 @dataclass(frozen=True)
@@ -27,33 +27,33 @@ class Failure:
 
 
 def read_failures(store: Store, case: str) -> list[Failure]:
-    """What the last run of each stage on a case failed for, sorted by stage; raises StoreError."""
-    told = read_group_metadata(store.path, f"cases/{case}", CASE).attributes.get(FAILURES, {})
-    return [Failure(case, stage, **why) for stage, why in sorted(told.items())]
+    """The reason of every stage that failed in its last run on a case, sorted by stage; raises StoreError."""
+    failed = read_group_metadata(store.path, case_group(case), CASE).attributes.get(FAILURES, {})
+    return [Failure(case, stage, **why) for stage, why in sorted(failed.items())]
 
 
 def record_failure(store: Store, failure: Failure) -> None:
-    """Write down a failure, in place of an earlier one of the same stage. Raises StoreError, OSError."""
+    """Store a failure, replacing an earlier one of this stage. Raises StoreError, OSError."""
     why = {"reason": failure.reason, "advice": failure.advice}
     _replace(store, failure.case, failure.stage, why)
 
 
 def clear_failure(store: Store, case: str, stage: str) -> None:
-    """Forget the failure of a stage, which has succeeded, if there is one. Raises StoreError, OSError."""
+    """Remove the failure of a stage that has succeeded, if there is one. Raises StoreError, OSError."""
     _replace(store, case, stage, None)
 
 
 def _replace(store: Store, case: str, stage: str, why: Mapping[str, str] | None) -> None:
-    group = f"cases/{case}"
+    group = case_group(case)
     with GroupLock(store.path, group, wait=True):
         metadata = read_group_metadata(store.path, group, CASE)
         sweep_partials(metadata.folder, below=False)
         attributes = dict(metadata.attributes)
-        told = {name: each for name, each in attributes.pop(FAILURES, {}).items() if name != stage}
+        failed = {name: each for name, each in attributes.pop(FAILURES, {}).items() if name != stage}
         if why is not None:
-            told[stage] = why
-        if told:
-            attributes[FAILURES] = told
+            failed[stage] = why
+        if failed:
+            attributes[FAILURES] = failed
         if attributes != metadata.attributes:
             content = encode_group(CASE, attributes)
             replace_file(metadata.folder / METADATA, content, durable=store.durable)

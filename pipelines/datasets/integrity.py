@@ -1,4 +1,4 @@
-"""Is a store whole? Every file that must exist is looked at and every chunk decoded."""
+"""Check a store: every required file is examined and every chunk decoded."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from pipelines.datasets.metadata import (
 )
 from pipelines.datasets.reading import committed_rows
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_reading
+from pipelines.datasets.store import Store, case_group, open_for_reading
 
 DEEPEST_GROUP = 4  # cases, CASE, cycles, b000
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something wrong with a file or folder: ``severity`` is ``error`` (data lost) or ``note`` (harmless)."""
+    """An error in a file or folder: ``severity`` is ``error`` (data lost) or ``note`` (harmless)."""
 
     path: Path
     problem: str
@@ -40,7 +40,7 @@ class Finding:
 
 
 def verify(store: Store | Path | str) -> list[Finding]:
-    """Everything wrong with a store, an empty list when it is whole.
+    """Everything that is wrong with a store; an empty list if it is intact.
 
     Checks all metadata against the schema, that every chunk of a committed row exists, decodes it
     (checksums), and that the cases and groups which others refer to are there. Chunks are read one at a time.
@@ -79,7 +79,7 @@ def _all_groups(store: Store) -> Iterator[str]:
 
 
 def _is_group(folder: Path) -> bool:
-    """False for the folders of arrays, and for those that hold nothing of a store."""
+    """Whether a folder is a group: not an array, and not a folder without store content."""
     if not os.path.lexists(folder / METADATA):
         return has_lost_metadata(folder)
     try:
@@ -95,7 +95,7 @@ def _folders(folder: Path) -> list[str]:
 
 
 def _stray(root: Path, groups: Mapping[str, GroupMetadata], damaged: Sequence[Path]) -> Iterator[Finding]:
-    """What lies in a store and does not belong there; folders that are damaged as groups are told already."""
+    """Entries that do not belong in a store; folders that are damaged groups are reported elsewhere."""
     known = {root} | {metadata.folder for metadata in groups.values()}
     known |= {metadata.folder / array for metadata in groups.values() for array in metadata.arrays}
     lost = {path.parent if path.name == METADATA else path for path in damaged}
@@ -118,12 +118,12 @@ def _missing_cases(store: Store, groups: Mapping[str, GroupMetadata]) -> Iterato
     """Cases of the store's configuration without a folder."""
     for case in store.attributes.get("configuration", {}):
         path = store.path / "cases" / case
-        if f"cases/{case}" not in groups and not path.is_dir():
+        if case_group(case) not in groups and not path.is_dir():
             yield Finding(path, "the case is missing", "Restore this folder from a copy of the store")
 
 
 def _broken_references(groups: Mapping[str, GroupMetadata]) -> Iterator[Finding]:
-    """Groups that begin at a row or an event of another group which is not there."""
+    """Groups that start at a row or an event of another group which is missing."""
     for group, metadata in groups.items():
         case = "/".join(group.split("/")[:2])
         for what, name, count, row in _references(metadata.attributes):
@@ -139,7 +139,7 @@ def _broken_references(groups: Mapping[str, GroupMetadata]) -> Iterator[Finding]
 
 
 def _references(attributes: Mapping[str, Any]) -> Iterator[tuple[str, str, str, int | None]]:
-    """What refers to which group, and to which row or event: the attribute that counts them, its number."""
+    """References of a group: the other group, the attribute that counts its rows or events, and the index."""
     origin, request = attributes.get("origin"), attributes.get("request")
     if isinstance(origin, dict):
         yield "origin", str(origin.get("group")), "n_events", int(origin.get("event", -1))
@@ -153,7 +153,7 @@ def _references(attributes: Mapping[str, Any]) -> Iterator[tuple[str, str, str, 
 
 
 def _absent_parameters(groups: Mapping[str, GroupMetadata], group: str) -> frozenset[str]:
-    """Parameters that the machine of the group's case does not have: no number stands in its rows."""
+    """Parameters that the machine of the group's case does not have; its rows hold no number for them."""
     case = groups.get("/".join(group.split("/")[:2]))
     parameters = {} if case is None else case.attributes.get("parameters", {})
     return frozenset(name for name, value in parameters.items() if value is None)

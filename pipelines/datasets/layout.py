@@ -1,4 +1,4 @@
-"""How the arrays of a kind lie on the disk: sizes, chunks and what their ``zarr.json`` says."""
+"""Arrays of a kind on disk: sizes, chunks and the content of their ``zarr.json``."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LARGEST_ARRAY_BYTES = 64 * 1024**3
 
 @dataclass(frozen=True)
 class ArrayLayout:
-    """An array with its sizes: what its ``zarr.json`` says."""
+    """An array with its sizes: the content of its ``zarr.json``."""
 
     spec: ArraySpec
     role: Role
@@ -43,7 +43,7 @@ class ArrayLayout:
         return self.shape[1:]
 
     def with_rows(self, rows: int) -> ArrayLayout:
-        """The same array with another capacity. Chunks do not depend on it, so written bytes stay valid."""
+        """The array with another capacity. Chunks do not depend on it, so written bytes stay valid."""
         return replace(self, shape=(rows, *self.shape[1:]))
 
     def chunk_files(self, rows: int | None = None) -> list[str]:

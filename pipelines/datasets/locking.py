@@ -1,4 +1,4 @@
-"""One writer per group, kept by the kernel: the lock of a killed process is gone with it.
+"""One writer per group: a lock of the operating system, which ends with the process that holds it.
 
 Lock files live beside the store, in ``.<store name>.locks``, so that the store itself holds results only.
 They are removed when the writer closes.
@@ -27,13 +27,13 @@ class GroupLock:
 
     @staticmethod
     def known(store: Path) -> list[str]:
-        """Groups of a store that have a lock file: being written, or left by a writer that was killed."""
+        """Groups of a store that have a lock file: being written, or left by a killed writer."""
         names = sorted(path.stem for path in GroupLock.file(store, "").parent.glob("*.lock"))
         return ["" if name == "store" else name.replace("+", "/") for name in names]
 
     @staticmethod
     def file(store: Path, group: str) -> Path:
-        """The lock file of a group; its text is the process that holds the lock and its computer."""
+        """The lock file of a group; its text names the process that holds the lock and its computer."""
         return store.parent / f".{store.name}.locks" / ((group.replace("/", "+") or "store") + ".lock")
 
     def __init__(self, store: Path, group: str, *, wait: bool = False) -> None:
@@ -86,7 +86,7 @@ class GroupLock:
         )
 
     def release(self) -> None:
-        """Give the right back and remove the lock file."""
+        """Release the lock and remove the lock file."""
         if self._file is None:
             return
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""The ``zarr.json`` files of a store: written here as deterministic bytes, read here before Zarr sees them.
+"""The ``zarr.json`` files of a store: written as deterministic bytes, checked before Zarr reads them.
 
 A group's attributes say which arrays it has and how large they are; with the schema they fix every array's
 metadata. Reading compares the files with that, so that shapes, types, codecs and links made elsewhere are
@@ -47,7 +47,7 @@ RESTORE = (
 
 @dataclass(frozen=True)
 class GroupMetadata:
-    """A group as its ``zarr.json`` describes it: attributes and, by name, the arrays that it must have."""
+    """A group as described by its ``zarr.json``: attributes and, by name, the arrays that it must have."""
 
     folder: Path
     kind: str
@@ -69,8 +69,9 @@ def _plain(value: object) -> Any:
 
 
 def encode_group(kind: str, attributes: Mapping[str, Any]) -> bytes:
-    """``zarr.json`` of a group, with a checksum over its attributes (a flipped bit in JSON is often valid
-    JSON).
+    """``zarr.json`` of a group, with a checksum over its attributes.
+
+    A flipped bit in JSON is often valid JSON.
     """
     known = {"kind": kind, "schema_version": SCHEMA_VERSION, "Conventions": CONVENTIONS}
     content = json.loads(encode({**attributes, **known}))
@@ -104,7 +105,7 @@ def group_folder(store: Path, group: str) -> Path:
 
 
 def has_lost_metadata(folder: Path) -> bool:
-    """Whether arrays or groups lie below a folder without its own metadata that nobody is making."""
+    """Whether arrays or groups lie below a folder without metadata that no process is creating."""
 
     def is_bare() -> bool:
         return not os.path.lexists(folder / METADATA)
@@ -116,7 +117,7 @@ def has_lost_metadata(folder: Path) -> bool:
 
 
 def require_metadata(store: Path, group: str) -> None:
-    """Raise CorruptedError for a group whose metadata are lost: to make it anew would lose its rows."""
+    """Raise CorruptedError for a group whose metadata are lost: recreating it would lose its rows."""
     folder = group_folder(store, group)
     if has_lost_metadata(folder):
         raise CorruptedError("the file is missing", _remedy(store, group), folder / METADATA)
@@ -150,7 +151,7 @@ def _check_place(group: str, metadata: GroupMetadata) -> None:
 
 
 def _remedy(store: Path, group: str) -> str:
-    """What to do about a damaged group: the root and the cases are written once and not computed anew."""
+    """What to do about a damaged group; the root and the cases are written once and cannot be recomputed."""
     depth = group.count("/")
     written_once = depth < 2 or (depth == 2 and group.rsplit("/", 1)[1] not in KINDS_OF_A_CASE)
     return RESTORE if written_once else RECOMPUTE.replace("this folder", f"the folder {store / group}")
@@ -215,7 +216,7 @@ def _are_numbers(value: object) -> bool:
 
 
 def _are_failures(value: object) -> bool:
-    """By the name of the stage, the reason and the advice."""
+    """Whether a value maps names of stages to reason and advice."""
     return isinstance(value, dict) and all(
         isinstance(why, dict) and set(why) == {"reason", "advice"} and all(map(_is_text, why.values()))
         for why in value.values()
@@ -273,7 +274,7 @@ def _check_counts(folder: Path, kind: str, attributes: Mapping[str, Any], sizes:
 
 
 def check_array(folder: Path, array: ArrayLayout, rows: int | None = None) -> ArrayLayout:
-    """The array as its ``zarr.json`` has it, which must be as the schema demands.
+    """The array as in its ``zarr.json``, which must agree with the schema.
 
     With ``rows``, any capacity that holds so many will do: enlarging a branch rewrites one array after the
     other. Raises ForeignStoreError or CorruptedError.
@@ -298,13 +299,14 @@ def check_array(folder: Path, array: ArrayLayout, rows: int | None = None) -> Ar
 
 
 def _as_text(content: Any) -> str:
-    """To compare: 40.0 and true are not 40 and 1 to Zarr."""
+    """A value as text for comparison: 40.0 and true are not 40 and 1 to Zarr."""
     return json.dumps(content, sort_keys=True)
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Content of a metadata file. Raises ForeignStoreError for links and monsters, CorruptedError for what is
-    not JSON.
+    """Content of a metadata file.
+
+    Raises ForeignStoreError for links and oversized files, CorruptedError for what is not JSON.
     """
     size = regular_file_size(path)
     if size is None:
@@ -330,7 +332,7 @@ def _finite(text: str) -> float:
 
 
 def _depth(content: dict[str, Any]) -> int:
-    """How deep tables and lists are nested."""
+    """Nesting depth of tables and lists."""
     depth = 0
     level: list[Any] = [content]
     while level:
@@ -341,7 +343,7 @@ def _depth(content: dict[str, Any]) -> int:
 
 
 def regular_file_size(path: Path) -> int | None:
-    """Size of a plain file, None when there is none. Raises ForeignStoreError for links and folders."""
+    """Size of a plain file; None if there is none. Raises ForeignStoreError for links and folders."""
     try:
         status = path.lstat()
     except (FileNotFoundError, NotADirectoryError):

@@ -1,4 +1,4 @@
-"""Where a store comes from: the attributes of its root."""
+"""Provenance of a store: the attributes of its root."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _version(name: str) -> str:
 
 
 def git_commit(folder: Path) -> str | None:
-    """Commit of the working tree that holds ``folder`` ("-modified" appended), None where git knows none."""
+    """Commit of the working tree that holds ``folder`` ("-modified" appended); None outside of git."""
     commit = _git(folder, "rev-parse", "HEAD")
     if commit is None or _git(folder, "ls-files", "--error-unmatch", Path(__file__).name) is None:
         return (

@@ -1,4 +1,4 @@
-"""Reading stores into plain arrays, and telling what they hold."""
+"""Read stores into plain arrays, and describe what they hold."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pipelines.datasets.metadata import (
 )
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS, Array
-from pipelines.datasets.store import Store, open_for_reading
+from pipelines.datasets.store import Store, case_group, local_name, open_for_reading
 
 
 def list_cases(store: Store) -> list[str]:
@@ -30,7 +30,7 @@ def list_cases(store: Store) -> list[str]:
 
 def case_attributes(store: Store, case: str) -> dict[str, Any]:
     """Attributes of a case: name, parameters, scales."""
-    return read_group_metadata(store.path, f"cases/{case}", CASE).attributes
+    return read_group_metadata(store.path, case_group(case), CASE).attributes
 
 
 def list_groups(store: Store, case: str) -> list[str]:
@@ -41,8 +41,8 @@ def list_groups(store: Store, case: str) -> list[str]:
     """
     case_attributes(store, case)
     found = []
-    for name in _members(store, f"cases/{case}"):
-        path = f"cases/{case}/{name}"
+    for name in _members(store, case_group(case)):
+        path = case_group(case, name)
         kind = read_group_metadata(store.path, path).kind
         found += [f"{path}/{inner}" for inner in _members(store, path)] if kind == CONTAINER else [path]
     return found
@@ -64,7 +64,7 @@ def _members(store: Store, group: str) -> list[str]:
 
 
 def read_group(store: Store, group: str, names: Sequence[str] | None = None) -> Group:
-    """A group as plain arrays, rows and events trimmed to those committed; ``names`` restricts the arrays.
+    """A group as plain arrays, with committed rows and events only; ``names`` restricts the arrays.
 
     Works while the group is being written: it sees the rows committed when it began. Arrays of slots belong
     to the newest row only and are read when named. Raises CorruptedError naming the file, ForeignStoreError,
@@ -81,7 +81,7 @@ def read_group(store: Store, group: str, names: Sequence[str] | None = None) -> 
 
 
 def metadata_stamp(store: Store, group: str) -> tuple[int, ...] | None:
-    """Tells commits apart, each of which replaces the group's ``zarr.json``; None where there is none."""
+    """Distinguishes commits, each of which replaces the group's ``zarr.json``; None without one."""
     try:
         status = (group_folder(store.path, group) / METADATA).stat()
     except FileNotFoundError:
@@ -115,8 +115,10 @@ def _read(store: Store, group: str, metadata: GroupMetadata, array: ArrayLayout)
 
 
 def describe(store: Store | Path | str) -> dict[str, Any]:
-    """What a store holds, as plain data: root attributes, and for each case its groups with their status and
-    the ``reason`` and ``advice`` of every stage that failed (see `pipelines.datasets.failures`).
+    """The content of a store as plain data.
+
+    Root attributes, and for each case its groups with their status and the ``reason`` and ``advice`` of
+    every stage that failed (see `pipelines.datasets.failures`).
 
     Only metadata are read. A group has ``kind``, ``status``, ``stop_reason``, ``stop_advice``, ``n_points``,
     ``capacity``, ``n_events`` and ``speeds_without_equilibrium`` (None where it has no such thing), and that
@@ -130,12 +132,12 @@ def describe(store: Store | Path | str) -> dict[str, Any]:
 
 
 def _describe_case(store: Store, case: str) -> dict[str, Any]:
-    groups = {group.split("/", 2)[2]: _describe_group(store, group) for group in list_groups(store, case)}
+    groups = {local_name(group): _describe_group(store, group) for group in list_groups(store, case)}
     attributes = case_attributes(store, case)
     return {"name": attributes.get("name", case), "groups": groups, "failures": attributes.get(FAILURES, {})}
 
 
-_TOLD = ("condensation_error", "caution")  # by `agfb criticals`
+_CONDENSATION = ("condensation_error", "caution")  # by `agfb criticals`
 
 
 def _describe_group(store: Store, group: str) -> dict[str, Any]:
@@ -143,6 +145,10 @@ def _describe_group(store: Store, group: str) -> dict[str, Any]:
     attributes = metadata.attributes
     row = KINDS[metadata.kind].row
     keys = ("status", "stop_reason", "stop_advice", "n_points", "n_events", "speeds_without_equilibrium")
-    told = {key: attributes[key] for key in _TOLD if key in attributes}
+    condensation = {key: attributes[key] for key in _CONDENSATION if key in attributes}
     capacity = attributes["dimensions"].get(row) if "n_points" in attributes else None
-    return {"kind": metadata.kind, "capacity": capacity} | {key: attributes.get(key) for key in keys} | told
+    return (
+        {"kind": metadata.kind, "capacity": capacity}
+        | {key: attributes.get(key) for key in keys}
+        | condensation
+    )

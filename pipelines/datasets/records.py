@@ -1,4 +1,4 @@
-"""Rows, slots and events of a branch, in memory: checked against the schema, without any file."""
+"""Rows, slots and events of a branch in memory, checked against the schema without any file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RUNNING, ENDED, COMPLETE = "running", "ended", "complete"
 
 @dataclass(frozen=True)
 class Group:
-    """One group as plain arrays: rows and events trimmed to what is committed, flags as stored integers."""
+    """One group as plain arrays: committed rows and events, flags as stored integers."""
 
     name: str
     kind: str
@@ -27,12 +27,12 @@ class Group:
 
     @property
     def n_points(self) -> int:
-        """Committed rows (0 for groups without rows)."""
+        """Number of committed rows (0 for groups without rows)."""
         return int(self.attributes.get("n_points", 0))
 
     @property
     def n_events(self) -> int:
-        """Committed events."""
+        """Number of committed events."""
         return int(self.attributes.get("n_events", 0))
 
     def __getitem__(self, name: str) -> Array:
@@ -42,8 +42,9 @@ class Group:
         return name in self.arrays
 
     def labels(self, name: str) -> Array:
-        """A flag array as its meanings (strings), "unset" where nothing was written. Other arrays as they
-        are.
+        """A flag array as its meanings (strings), "unset" where nothing was written.
+
+        Other arrays are unchanged.
         """
         flags = KINDS[self.kind].array(name).flags
         return np.array(["unset", *flags])[self.arrays[name] + 1] if flags else self.arrays[name]
@@ -55,7 +56,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Resume:
-    """Where a branch stands: its newest row with the slot that belongs to it."""
+    """The state of a branch: its newest row with its slot."""
 
     n_points: int
     n_events: int
@@ -66,20 +67,20 @@ class Resume:
 
 
 class Branch(Protocol):
-    """What records a branch: a store (`BranchWriter`) or memory (`MemoryBranch`)."""
+    """A recorder of a branch: a store (`BranchWriter`) or memory (`MemoryBranch`)."""
 
     def commit(self, row: Values, slots: Values | None = None, events: Sequence[Values] = ()) -> None:
-        """Add one row, with the events found since the row before it."""
+        """Add one row, with the events found since the previous row."""
 
     def finish(self, stop_reason: str, advice: str = "", **attributes: Any) -> None:
-        """Say why the branch ended."""
+        """Store why the branch ended."""
 
     def resume_row(self) -> Resume | None:
-        """The newest row, None when there is none yet."""
+        """The newest row; None if there is none yet."""
 
 
 def branch_sizes(kind: str, sizes: Mapping[str, int]) -> dict[str, int]:
-    """Sizes of all dimensions of a branch. Unless given, twice as many events fit as rows."""
+    """Sizes of all dimensions of a branch; by default twice as many events fit as rows."""
     row = KINDS[kind].row
     if row is None or row not in sizes:
         raise ValueError(f"a branch of kind {kind!r} needs the size of its dimension {row!r}")
@@ -91,12 +92,12 @@ def branch_sizes(kind: str, sizes: Mapping[str, int]) -> dict[str, int]:
 
 
 def with_role(arrays: Mapping[str, ArrayLayout], role: Role) -> dict[str, ArrayLayout]:
-    """The arrays that play one role."""
+    """The arrays that have a role."""
     return {name: array for name, array in arrays.items() if array.role == role}
 
 
 def fit_all(arrays: Mapping[str, ArrayLayout], values: Values, whole: bool = False) -> dict[str, Array]:
-    """One value for every array, in the array's type and shape (its row shape unless ``whole``).
+    """One value for every array, in its type and shape (its row shape unless ``whole``).
 
     Raises ValueError naming what is missing, unknown or of the wrong shape.
     """
@@ -111,7 +112,7 @@ def fit_all(arrays: Mapping[str, ArrayLayout], values: Values, whole: bool = Fal
 
 
 def fit(array: ArrayLayout, value: Any, shape: tuple[int, ...]) -> Array:
-    """A value in the array's type, filled up to ``shape`` where the schema allows shorter data."""
+    """A value in the array's type, padded to ``shape`` where the schema allows shorter data."""
     spec, given = array.spec, np.asarray(value)
     if not _is_representable(given, np.dtype(spec.dtype)):
         raise ValueError(f"{spec.name}: {given.dtype} given, {spec.dtype} expected")
@@ -137,9 +138,7 @@ def _is_representable(given: Array, dtype: np.dtype[Any]) -> bool:
 
 
 class MemoryBranch:
-    """A branch that is only remembered: the same interface and checks as the writer of a store, for
-    algorithms' tests.
-    """
+    """A branch in memory with the interface and checks of the store's writer, for tests of algorithms."""
 
     def __init__(self, kind: str, sizes: Mapping[str, int], static: Values | None = None) -> None:
         self.kind = kind
@@ -151,7 +150,7 @@ class MemoryBranch:
         self.attributes: dict[str, Any] = {"status": RUNNING, "stop_reason": "", "stop_advice": ""}
 
     def commit(self, row: Values, slots: Values | None = None, events: Sequence[Values] = ()) -> None:
-        """Add one row (see `Branch`). Raises ValueError for values that the schema does not have."""
+        """Add one row (see `Branch`). Raises ValueError for values that violate the schema."""
         fitted = fit_all(with_role(self.arrays, "row"), row)
         new_slots = fit_all(with_role(self.arrays, "slot"), slots or {})
         new_events = [fit_all(with_role(self.arrays, "event"), event) for event in events]
@@ -161,7 +160,7 @@ class MemoryBranch:
         self.attributes |= {"status": RUNNING, "stop_reason": "", "stop_advice": ""}
 
     def finish(self, stop_reason: str, advice: str = "", **attributes: Any) -> None:
-        """Say why the branch ended (see `Branch`)."""
+        """Store why the branch ended (see `Branch`)."""
         self.attributes |= {**attributes, "status": ENDED, "stop_reason": stop_reason, "stop_advice": advice}
 
     def resume_row(self) -> Resume | None:

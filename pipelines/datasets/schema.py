@@ -61,8 +61,10 @@ class ArraySpec:
 
 @dataclass(frozen=True)
 class GroupSpec:
-    """One kind of group. ``row`` names the dimension that grows point by point, ``event`` the one that grows
-    with what is found on the way, ``coordinates`` the arrays that place a row.
+    """One kind of group.
+
+    ``row`` names the dimension that grows point by point, ``event`` the dimension that grows with what
+    is found on the way, ``coordinates`` the arrays that place a row.
     """
 
     kind: str
@@ -73,7 +75,7 @@ class GroupSpec:
     event: str = EVENT
 
     def role(self, spec: ArraySpec) -> Role:
-        """Which part of a commit writes this array."""
+        """The part of a commit that writes this array."""
         first = spec.dimensions[0]
         if first == self.event:
             return "event"
@@ -138,7 +140,7 @@ MASTER_COORDINATES = (
 
 
 def _extremes(over: str) -> tuple[ArraySpec, ...]:
-    """Extremes of a motion over its period, or whatever it covers."""
+    """Extremes of a motion over its period or torus."""
     return (
         _real("orbit_minimum", "point coordinate", f"smallest value over {over}, {ROTOR}"),
         _real("orbit_maximum", "point coordinate", f"largest value over {over}, {ROTOR}"),

@@ -1,4 +1,4 @@
-"""A store: making it, and opening it for writing or reading.
+"""A store: create it, or open it for writing or reading.
 
 <store>                     root: resolved configuration, its hash, versions, git commit, argv
 <store>/cases/<id>          one case: name, parameters, scales
@@ -52,6 +52,19 @@ __all__ = [
 ]
 
 
+def case_group(case: str, *names: str) -> str:
+    """The name of a group of a case: kb10, ``cycles/b000`` -> ``cases/kb10/cycles/b000``.
+
+    Without ``names`` that of the case itself.
+    """
+    return "/".join(("cases", case, *names))
+
+
+def local_name(group: str) -> str:
+    """The name of a group within its case: ``cases/kb10/cycles/b000`` -> ``cycles/b000``."""
+    return group.split("/", 2)[2]
+
+
 @dataclass(frozen=True)
 class Store:
     """An open store. ``attributes`` are those of the root. ``durable`` forces every write to disk (fsync)."""
@@ -62,7 +75,7 @@ class Store:
     durable: bool = True
 
     def has_group(self, group: str) -> bool:
-        """Whether the group exists; a group whose making was interrupted does not."""
+        """Whether the group exists; a group whose creation was interrupted does not."""
         return (group_folder(self.path, group) / METADATA).is_file()
 
 
@@ -73,7 +86,7 @@ def create_store(
     *,
     durable: bool = True,
 ) -> Store:
-    """Make a store with one group per case, all at once or not at all, and open it for writing.
+    """Create a store with one group per case, atomically, and open it for writing.
 
     ``cases`` maps case ids to the attributes of their groups, ``provenance`` holds the attributes of the root
     (see `pipelines.datasets.provenance`). Raises StoreError when the path is taken, OSError when it cannot be
@@ -99,7 +112,7 @@ def _build(
     folder: Path, cases: Mapping[str, Mapping[str, Any]], provenance: Mapping[str, Any], durable: bool
 ) -> None:
     groups: dict[str, tuple[str, Mapping[str, Any]]] = {"": (ROOT, provenance), "cases": (CONTAINER, {})}
-    groups |= {f"cases/{identifier}": (CASE, attributes) for identifier, attributes in cases.items()}
+    groups |= {case_group(identifier): (CASE, attributes) for identifier, attributes in cases.items()}
     for group, (kind, attributes) in groups.items():
         place = group_folder(folder, group)
         make_folder(place, durable=durable)
@@ -172,7 +185,7 @@ def _refuse_other_configuration(store: Store, provenance: Mapping[str, Any]) -> 
 
 
 def ensure_container(store: Store, group: str) -> None:
-    """Make the groups between the case and ``group`` (cycles, pd, ns), once, whichever writer comes first.
+    """Create the groups between the case and ``group`` (cycles, pd, ns) once, whichever writer comes first.
 
     The case itself is made with the store and never here, where its attributes are not known. Raises
     CorruptedError when it is missing, and ValueError for a store that was opened for reading.

@@ -1,4 +1,4 @@
-"""What is going on in a store, seen from another process: reads metadata only and takes no lock.
+"""Activity in a store, seen from another process: reads metadata only and takes no lock.
 
 A group that has not ended is being written if a process still holds its lock.  Trying the lock would
 disturb a writer that opens at the same moment, so the process named in the lock file is looked for instead;
@@ -21,6 +21,7 @@ from pipelines.datasets.locking import GroupLock
 from pipelines.datasets.metadata import METADATA
 from pipelines.datasets.reading import describe
 from pipelines.datasets.records import COMPLETE, ENDED, RUNNING
+from pipelines.datasets.store import case_group
 
 NOT_BEGUN, INTERRUPTED = "not begun", "interrupted"
 _GEOMETRY = "machine"  # the kind of group that is made with the store
@@ -29,9 +30,11 @@ _COMMANDS = "command/"
 
 @dataclass(frozen=True)
 class GroupState:
-    """A group of a case: ``state`` is ``running``, ``interrupted`` or ``ended``; ``points`` of at most
-    ``capacity`` rows, None of a group without rows; ``age`` [s] of its newest commit; ``writer``: who writes
-    it, ``PID on HOST``; ``speeds_without_equilibrium``: those of its speeds that have none, with the reason.
+    """The state of a group of a case.
+
+    ``state`` is ``running``, ``interrupted`` or ``ended``; ``points`` of at most ``capacity`` rows, None
+    for a group without rows; ``age`` [s] of its newest commit; ``writer``: the process that writes it,
+    ``PID on HOST``; ``speeds_without_equilibrium``: its speeds that have none, with the reason.
     """
 
     case: str
@@ -46,10 +49,12 @@ class GroupState:
 
 
 @dataclass(frozen=True)
-class Progress:
-    """What there is of a case or of several: the number of groups by state, and of their rows ``points`` of
-    at most ``capacity``; ``state`` is ``running`` or ``interrupted`` if a group is, else ``ended``, and
-    ``not begun`` without any group; ``age`` [s] of the newest commit, None without any.
+class GroupTotals:
+    """Progress of one or several cases.
+
+    The number of groups by state, and ``points`` of at most ``capacity`` of their rows; ``state`` is
+    ``running`` or ``interrupted`` if a group is, else ``ended``, and ``not begun`` without any group;
+    ``age`` [s] of the newest commit, None without any.
     """
 
     state: str
@@ -81,7 +86,7 @@ def _states(path: Path, moment: float) -> list[GroupState]:
         for group, state in described["groups"].items():
             if state["kind"] == _GEOMETRY:
                 continue
-            name = f"cases/{case}/{group}"
+            name = case_group(case, group)
             writer = _writer(Path(content["path"]), name) if name in known else None
             has_ended = state["status"] in (None, ENDED, COMPLETE)
             metadata = Path(content["path"]) / name / METADATA
@@ -101,11 +106,11 @@ def _states(path: Path, moment: float) -> list[GroupState]:
     return found
 
 
-def progress(states: Sequence[GroupState]) -> Progress:
-    """The sum of some groups, for instance those of a case."""
+def totals(states: Sequence[GroupState]) -> GroupTotals:
+    """The sum over some groups, for instance those of a case."""
     found = [state.state for state in states]
     begun = next((name for name in (RUNNING, INTERRUPTED, ENDED) if name in found), NOT_BEGUN)
-    return Progress(
+    return GroupTotals(
         begun,
         found.count(RUNNING),
         found.count(INTERRUPTED),
@@ -121,9 +126,10 @@ def _sum(counts: Iterable[int | None]) -> int:
 
 
 def command_lock(path: Path) -> GroupLock:
-    """What a command that computes holds as long as it does, so that others see it where no group is being
-    written. Any number of commands may hold one; those that killed commands left are removed. Raises OSError
-    when the lock file cannot be made.
+    """A lock held while a command computes, so that others see it between the writing of groups.
+
+    Any number of commands may hold one; locks left by killed commands are removed. Raises OSError when
+    the lock file cannot be made.
     """
     store = path.expanduser().resolve()
     lock = GroupLock(store, f"{_COMMANDS}{socket.gethostname()}-{os.getpid()}", wait=True)
@@ -142,7 +148,7 @@ def commands(path: Path) -> list[str]:
 
 
 def _writer(store: Path, group: str) -> str | None:
-    """The process that holds the lock of a group, None when it is gone."""
+    """The process that holds the lock of a group; None if it has ended."""
     try:
         words = GroupLock.file(store, group).read_text().split()
     except FileNotFoundError:  # released meanwhile

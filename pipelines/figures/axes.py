@@ -1,4 +1,4 @@
-"""Axes that carry a dimensionless quantity and its dimensional twin."""
+"""Axes that show a dimensionless quantity and its dimensional counterpart."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ Conversion = Callable[[ArrayLike], ArrayLike]
 
 
 @dataclass(frozen=True)
-class Scales:
-    """Dimensional value of one dimensionless unit, as the first bearing makes it."""
+class AxisScales:
+    """Dimensional value of one dimensionless unit, as set by the first bearing."""
 
     rpm: float  # of a rotating speed [rev/min]
     hertz: float  # of a frequency [Hz]
@@ -32,21 +32,21 @@ class Scales:
     bearings_differ: bool = False  # in clearance: then lengths and stiffnesses are said to be of bearing 1
 
 
-def seconds(scales: Scales) -> float:
+def seconds(scales: AxisScales) -> float:
     """Seconds in a unit of time."""
     return 1.0 / (2.0 * np.pi * scales.hertz)
 
 
 @dataclass(frozen=True)
 class ParameterAxis:
-    """How a continued parameter is written on an axis."""
+    """Labels of a continued parameter on an axis."""
 
     symbol: str
     title: str
-    scale: Literal["rpm", "hertz", "micrometres", "stiffness"]  # field of Scales
+    scale: Literal["rpm", "hertz", "micrometres", "stiffness"]  # field of AxisScales
     dimensional_label: str
 
-    def dimensional(self, scales: Scales) -> tuple[float, str]:
+    def dimensional(self, scales: AxisScales) -> tuple[float, str]:
         """Factor and label of the dimensional axis."""
         label = self.dimensional_label
         if scales.bearings_differ and self.scale in ("micrometres", "stiffness"):
@@ -72,9 +72,9 @@ PARAMETER_AXES = {
 
 
 def add_parameter_axis(
-    axes: Axes, parameter: str, scales: Scales, bottom: bool = True, top: bool = True
+    axes: Axes, parameter: str, scales: AxisScales, bottom: bool = True, top: bool = True
 ) -> None:
-    """Label the x axis with a parameter, and the top with its dimensional twin."""
+    """Label the x axis with a parameter, and the top axis in dimensional units."""
     axis = PARAMETER_AXES[parameter]
     if bottom:
         axes.set_xlabel(axis.label)
@@ -139,7 +139,7 @@ def coloured_line(
 
 
 def gaps(x: NDArray[np.float64], present: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """The stretches of rising ``x`` without results: each from the last point before to the first behind."""
+    """Intervals of rising ``x`` without results: from the last point before to the first point after each."""
     known = np.concatenate([[0], np.flatnonzero(present), [len(x) - 1]])
     ends = list(pairwise(known))
     return [
@@ -150,13 +150,13 @@ def gaps(x: NDArray[np.float64], present: NDArray[np.bool_]) -> list[tuple[float
 
 
 def shade_gaps(axes: Axes, x: NDArray[np.float64], present: NDArray[np.bool_]) -> None:
-    """Shade where there are no results."""
+    """Shade intervals without results."""
     for low, high in gaps(x, present):
         axes.axvspan(low, high, **GAP)
 
 
 def gap_handle(label: str) -> Patch:
-    """Entry of the legend for shaded gaps."""
+    """Legend entry for shaded gaps."""
     return Patch(label=label, **GAP)
 
 

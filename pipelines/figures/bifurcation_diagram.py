@@ -20,14 +20,14 @@ from pipelines.figures.refinement import draw_bar, event_bars, legend_handles
 
 @dataclass(frozen=True)
 class EventMark:
-    """How a bifurcation is drawn."""
+    """Marker of a bifurcation."""
 
     label: str
     marker: str
     colour: str
 
     def look(self, located: bool = True) -> dict[str, Any]:
-        """Marker options; hollow where the bifurcation was noticed between two points but not located."""
+        """Marker options; hollow where the bifurcation was detected between two points but not located."""
         return {
             "marker": self.marker,
             "markersize": 5.5,
@@ -53,13 +53,13 @@ TURNS_COLOURS = {1: style.BLACK, 2: style.VERMILION, 4: style.BLUE, 8: style.GRE
 
 
 def turns_colour(turns: int) -> str:
-    """Colour of cycles of so many excitation periods where they are drawn together."""
+    """Colour of cycles of ``turns`` excitation periods when several kinds share a diagram."""
     return TURNS_COLOURS.get(turns, style.GREY)
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A branch with its bifurcation points threaded in: parameter (n,), values (n, k), stable (n - 1,)."""
+    """A branch with its bifurcation points inserted: parameter (n,), values (n, k), stable (n - 1,)."""
 
     parameter: NDArray[np.float64]
     values: NDArray[np.float64]
@@ -68,7 +68,7 @@ class Curve:
 
 
 def thread_events(branch: Table, parameter: str, values: NDArray[np.float64]) -> Curve:
-    """Put the located bifurcations between the points around them.
+    """Insert the located bifurcations between the points around them.
 
     A store keeps the parameter and the state of a bifurcation, not its envelope: ``values`` (point, k) are
     read off between the neighbours, at the fraction of the way which the state has gone.
@@ -101,7 +101,7 @@ def event_neighbours(branch: Table) -> NDArray[np.intp]:
 
 
 def _fraction(branch: Table, before: NDArray[np.intp], beyond: NDArray[np.intp]) -> NDArray[np.float64]:
-    """How far along, between 0 and 1, each bifurcation lies between its two neighbours in state space."""
+    """Position between 0 and 1 of each bifurcation between its two neighbours in state space."""
     state, events = branch["state"], branch["event_state"]
     from_start = np.linalg.norm(events - state[before], axis=1)
     to_end = np.linalg.norm(state[beyond] - events, axis=1)
@@ -124,8 +124,9 @@ def event_looks(branch: Table) -> list[dict[str, Any]]:
 def draw_bifurcation_diagram(
     case: CaseView, parameter: str, branches: Sequence[Table], refinement: Table | None = None
 ) -> Figure:
-    """Envelope of the vertical and horizontal journal motion and its largest eccentricity; bifurcations that
-    are in the group ``refinement`` with the errors of their parameter.
+    """Envelope of the vertical and horizontal journal motion, and its largest eccentricity.
+
+    Bifurcations in the group ``refinement`` are drawn with the errors of their parameter.
     """
     figure = style.new_figure(7.4)
     panels = figure.subplots(3, 1, sharex=True)
@@ -161,8 +162,9 @@ Quantity = Callable[[CaseView, Table, int], NDArray[np.float64]]
 
 
 def envelope(axis: int) -> Quantity:
-    """Quantity (point, 2): largest and smallest journal coordinate of each cycle (axis 0: x, 1: y) over the
-    bearing's own clearance.
+    """Largest and smallest journal coordinate of each cycle over the bearing's own clearance, (point, 2).
+
+    Axis 0: x, 1: y.
     """
 
     def quantity(case: CaseView, branch: Table, bearing: int) -> NDArray[np.float64]:
@@ -173,9 +175,7 @@ def envelope(axis: int) -> Quantity:
 
 
 def largest_eccentricity(case: CaseView, branch: Table, bearing: int) -> NDArray[np.float64]:
-    """Quantity (point, 1): largest distance of the journal from the bearing centre in each cycle, over the
-    bearing's own clearance.
-    """
+    """Largest distance of the journal from the bearing centre over its clearance, (point, 1)."""
     orbit = case.journal(branch["orbit"], bearing)
     return np.asarray(np.hypot(orbit[..., 0], orbit[..., 1]).max(axis=1)[:, None])
 
@@ -189,7 +189,7 @@ def _draw_curve(
 
 
 def draw_threaded(axes: Axes, curve: Curve, branch: Table, look: Mapping[str, Any]) -> None:
-    """A branch with its bifurcations: stable stretches solid, others dashed, a single point as a dot."""
+    """Draw a branch with its bifurcations: stable parts solid, others dashed, a single point as a dot."""
     for column in curve.values.T:
         for start, stop in runs(curve.stable):
             line = "-" if curve.stable[start] else style.UNSTABLE
@@ -203,7 +203,7 @@ def draw_threaded(axes: Axes, curve: Curve, branch: Table, look: Mapping[str, An
 def _draw_errors(
     axes: Axes, branch: Table, parameter: str, values: NDArray[np.float64], refinement: Table | None
 ) -> None:
-    """The error of every bifurcation in the parameter, beside its mark."""
+    """The error of every bifurcation's parameter, beside its marker."""
     curve = thread_events(branch, parameter, values)
     for row, bar in zip(curve.event_rows, event_bars(refinement, branch, parameter), strict=True):
         if bar is not None:
@@ -212,7 +212,7 @@ def _draw_errors(
 
 
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last-plus-one index of every stretch of equal flags."""
+    """First and last-plus-one index of every run of equal flags."""
     if len(flags) == 0:
         return []
     edges = np.flatnonzero(flags[1:] != flags[:-1]) + 1
@@ -230,7 +230,7 @@ def _legend(bearings: int, kinds: set[str]) -> list[Line2D]:
 def stability_handles(
     stable: str = "stable", unstable: str = "unstable", colour: str = "#333333"
 ) -> list[Line2D]:
-    """Legend of solid and dashed lines."""
+    """Legend entries of solid and dashed lines."""
     return [
         Line2D([], [], color=colour, linestyle="-", label=stable),
         Line2D([], [], color=colour, linestyle=style.UNSTABLE, label=unstable),
@@ -238,14 +238,14 @@ def stability_handles(
 
 
 def event_handles(kinds: Collection[str]) -> list[Line2D]:
-    """Legend of the marks of some kinds of bifurcations."""
+    """Legend entries of the markers of some kinds of bifurcations."""
     return [
         Line2D([], [], label=mark.label, **mark.look()) for kind, mark in EVENT_MARKS.items() if kind in kinds
     ]
 
 
 def _progress(branches: Sequence[Table]) -> str:
-    """A remark in the title while the store is still being filled."""
+    """A note in the title while the store is still being written."""
     if not any(branch.attributes.get("status") == "running" for branch in branches):
         return ""
     points = sum(len(branch["speed"]) for branch in branches)

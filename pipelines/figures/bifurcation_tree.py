@@ -32,7 +32,9 @@ MARGIN = 0.12
 def draw_bifurcation_tree(
     case: CaseView, parameter: str, branches: Mapping[str, Table], axis: int = 1
 ) -> Figure:
-    """The first journal at the start of every excitation period (``axis`` 0: x, 1: y) against the parameter.
+    """Position of the first journal at the start of every excitation period against the parameter.
+
+    ``axis`` 0: x, 1: y.
 
     ``branches`` by name, those of doubled cycles with the attribute ``turns``; at least one with points.
     """
@@ -71,8 +73,10 @@ def stroboscopic(branch: Table, column: int) -> NDArray[np.float64]:
 
 
 def joined_curves(branches: Mapping[str, Table], parameter: str, column: int) -> dict[str, Curve]:
-    """Every branch with its bifurcations threaded in; doubled ones begin at the period doubling which they
-    leave, and end at the one to which they come back.
+    """Every branch with its bifurcations inserted; doubled branches are joined to their period doublings.
+
+    A doubled branch begins at the period doubling that it leaves, and ends at the one to which it
+    returns.
     """
     curves = {
         name: thread_events(branch, parameter, stroboscopic(branch, column))
@@ -99,7 +103,7 @@ def _joined(branch: Table, parameter: str, curve: Curve, curves: Mapping[str, Cu
 
 
 def _with_ends(curve: Curve, parent: Curve, first: list[int], last: list[int]) -> Curve:
-    """A curve with rows of its parent put before and behind it."""
+    """A curve with rows of its parent added before and after it."""
     repeats = curve.values.shape[1] // parent.values.shape[1]
     values = [np.tile(parent.values[rows], repeats) for rows in (first, last)]
     return Curve(
@@ -113,14 +117,14 @@ def _with_ends(curve: Curve, parent: Curve, first: list[int], last: list[int]) -
 def _extents(
     branches: Mapping[str, Table], parameter: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Parameters of all points, and of those of doubled cycles (None without any)."""
+    """Parameters of all points, and of the points of doubled cycles (None without any)."""
     whole = np.concatenate([branch[parameter] for branch in branches.values()])
     doubled = [branch[parameter] for branch in branches.values() if excitation_periods(branch) > 1]
     return whole, np.concatenate(doubled) if doubled else None
 
 
 def _magnify(panels: list[Axes], curves: Mapping[str, Curve], interval: tuple[float, float]) -> None:
-    """Give the second panel the doubled cycles alone, and mark its interval in the first."""
+    """Show the doubled cycles alone in the second panel, and mark its interval in the first."""
     low, high = interval
     inside = [
         curve.values[(curve.parameter >= low) & (curve.parameter <= high)].ravel()

@@ -50,7 +50,7 @@ RESONANCE_MARKS = {
 
 @style.in_style
 def draw_campbell(case: CaseView, criticals: Table) -> Figure:
-    """Frequencies coloured by damping with the critical speeds, their mode shapes, predicted resonances."""
+    """Frequencies coloured by damping, with critical speeds, their mode shapes and predicted resonances."""
     shapes = min(MOST_SHAPES, len(criticals["critical_speed"]))
     rows = -(-shapes // SHAPES)
     resonances = len(criticals["resonance_frequency"]) if "resonance_frequency" in criticals else 0
@@ -73,7 +73,7 @@ def draw_campbell(case: CaseView, criticals: Table) -> Figure:
 
 
 def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> list[Artist]:
-    """Frequencies over the speed; gives the entries of the legend."""
+    """Draw frequencies over the speed; returns the legend entries."""
     speed, frequency = criticals["speed"], criticals["frequency"]
     damping, direction = criticals["damping_ratio"], criticals["direction"]
     norm = Normalize(0.0, LARGEST_DAMPING)
@@ -122,8 +122,9 @@ def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> list[Arti
 
 
 def inner_ends(speed: NDArray[np.float64], frequency: NDArray[np.float64], top: float) -> NDArray[np.float64]:
-    """Where a line below ``top`` begins or ends inside the range of speeds, (ends, 2): beyond, its mode
-    is damped too much to be followed, or the speed has no equilibrium.
+    """Where a line below ``top`` begins or ends inside the range of speeds, (ends, 2).
+
+    Beyond that point its mode is too strongly damped to be followed, or the speed has no equilibrium.
     """
     known = np.isfinite(frequency)
     alone = np.zeros(len(speed), dtype=bool)
@@ -134,7 +135,7 @@ def inner_ends(speed: NDArray[np.float64], frequency: NDArray[np.float64], top: 
 
 
 def stretches(values: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Values at the chosen points and the point behind each, NaN elsewhere: the lines that leave them."""
+    """Values at the chosen points and the point after each, NaN elsewhere: the lines that leave them."""
     kept = chosen.copy()
     kept[1:] |= chosen[:-1]
     return np.where(kept, values, np.nan)
@@ -207,7 +208,7 @@ def _draw_shapes(panels: NDArray[np.object_], case: CaseView, criticals: Table) 
 
 
 def largest_deflection(shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """A complex mode shape (node, 2) turned so that its real part is farthest out, largest radius 1.
+    """A complex mode shape (node, 2) rotated so that its real part is farthest out, largest radius 1.
 
     Re(u e^{-i a}) has its largest norm for a = arg(sum u^2) / 2.
     """

@@ -1,4 +1,4 @@
-"""What a store holds of one case, read as far as some figures need it."""
+"""The content of a store for one case, read as far as some figures need it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
-from pipelines.datasets.store import Store, StoreError
-from pipelines.figures.axes import Scales
+from pipelines.datasets.store import Store, StoreError, case_group, local_name
+from pipelines.figures.axes import AxisScales
 from pipelines.figures.contents import CaseView, Table
 from pipelines.figures.runs import RUN_ARRAYS, RunView
 
-Report = Callable[[str], None]
+Notify = Callable[[str], None]
 
 RUNS = "transient_analysis"
 CURVE_CONTAINERS = ("pd", "ns", "folds")
@@ -20,13 +20,13 @@ CURVE_CONTAINERS = ("pd", "ns", "folds")
 
 @dataclass(frozen=True)
 class CaseTables:
-    """Groups of a case by their path below it (``cycles/b000``), and what every figure of it needs."""
+    """Groups of a case by their path below it (``cycles/b000``), and what every figure of the case needs."""
 
     view: CaseView
     tables: Mapping[str, Table]
 
     def of_kind(self, kind: str) -> dict[str, Table]:
-        """Groups of a kind by the last part of their name: those of cycles by ``b000``, ..."""
+        """Groups of a kind by the last part of their name: cycles by ``b000``, ..."""
         return {
             name.rsplit("/", 1)[-1]: table for name, table in self.tables.items() if kind_of(name) == kind
         }
@@ -38,12 +38,12 @@ class CaseTables:
 
     @property
     def single(self) -> dict[str, Table]:
-        """Groups that a case has once, by kind."""
+        """Groups that a case has at most once, by kind."""
         return {name: table for name, table in self.tables.items() if "/" not in name}
 
     @property
     def runs(self) -> list[RunView]:
-        """The runs in time that have ended, with their analysis."""
+        """The transients that have ended, with their analysis."""
         return [
             RunView(name, analysis, self.tables[f"transient/{name}"])
             for name, analysis in self.of_kind(RUNS).items()
@@ -58,17 +58,17 @@ def kind_of(group: str) -> str:
 
 
 def read_case(
-    store: Store, case: str, needed: Collection[str], tell: Report, damaged: list[StoreError]
+    store: Store, case: str, needed: Collection[str], notify: Notify, damaged: list[StoreError]
 ) -> CaseTables | None:
-    """The groups of the kinds ``needed``; those that cannot be read are told, and their errors collected.
+    """The groups of the kinds ``needed``; unreadable groups are reported, and their errors collected.
 
     None where the case itself cannot be read.
     """
     try:
-        groups = [name.split("/", 2)[2] for name in list_groups(store, case)]
+        groups = [local_name(name) for name in list_groups(store, case)]
         view = _case_view(store, case, groups)
     except StoreError as error:
-        tell(f"{case} is left out: {error.message}")
+        notify(f"{case} is left out: {error.message}")
         damaged.append(error)
         return None
     tables = {}
@@ -78,7 +78,7 @@ def read_case(
         try:
             tables[name] = _table(store, case, name)
         except StoreError as error:
-            tell(f"cases/{case}/{name} is left out: {error.message}")
+            notify(f"{case_group(case, name)} is left out: {error.message}")
             damaged.append(error)
     return CaseTables(view, tables)
 
@@ -90,7 +90,7 @@ def _is_search_line(group: str) -> bool:
 
 def _table(store: Store, case: str, name: str) -> Table:
     arrays = RUN_ARRAYS if kind_of(name) == "transient" else None
-    group = read_group(store, f"cases/{case}/{name}", arrays)
+    group = read_group(store, case_group(case, name), arrays)
     return Table(group.labelled(), group.attributes)
 
 
@@ -106,9 +106,9 @@ def _case_view(store: Store, case: str, groups: Collection[str]) -> CaseView:
     )
 
 
-def _scales(stored: Mapping[str, Any], bearings_differ: bool) -> Scales:
-    """Scales of the axes from those of the case, which are in SI units."""
-    return Scales(
+def _scales(stored: Mapping[str, Any], bearings_differ: bool) -> AxisScales:
+    """Scales of the axes from the scales of the case, which are in SI units."""
+    return AxisScales(
         rpm=stored["speed_rpm_per_unit"],
         hertz=stored["hertz_per_unit"],
         micrometres=1e6 * stored["displacement"],

@@ -1,4 +1,4 @@
-"""How far the condensed rotor follows the full one: frequencies, damping, shapes, unbalance response."""
+"""Agreement of the condensed and the full rotor: frequencies, damping, shapes, unbalance response."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def draw_condensation(case: CaseView, criticals: Table) -> Figure:
 
 
 def _draw_bars(axes: Axes, full: FloatArray, condensed: FloatArray, label: str, deviation: bool) -> None:
-    """Both rotors side by side, mode by mode; the relative deviation above the bars where it is asked for."""
+    """Both rotors side by side, mode by mode; relative deviations above the bars on request."""
     modes = np.arange(1, len(full) + 1)
     axes.bar(modes - 0.2, full, 0.38, color=style.BLUE, label="full")
     axes.bar(modes + 0.2, condensed, 0.38, color=style.ORANGE, label="condensed")
@@ -102,7 +102,7 @@ def _draw_assurance(axes: Axes, criticals: Table) -> None:
 
 
 def _draw_unbalance(axes: Axes, case: CaseView, criticals: Table) -> list[Line2D]:
-    """Amplitude at every response node over the speed, both rotors; gives the entries of the legend."""
+    """Draw the amplitude at every response node over the speed, both rotors; returns the legend entries."""
     speed, nodes = criticals["unbalance_speed"], criticals["response_node"]
     for column in range(len(nodes)):
         colour = style.CYCLE[(column + 2) % len(style.CYCLE)]

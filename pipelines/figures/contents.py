@@ -1,4 +1,4 @@
-"""What the figures are drawn from: plain arrays of one group, and what every figure of a case shares."""
+"""Data of the figures: plain arrays of one group, and what every figure of a case shares."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pipelines.figures.axes import Scales, add_right
+from pipelines.figures.axes import AxisScales, add_right
 
 
 class MissingDataError(Exception):
@@ -20,7 +20,7 @@ class MissingDataError(Exception):
 
 @dataclass(frozen=True)
 class Table:
-    """Arrays and attributes of one group of a store, trimmed to the rows that are committed."""
+    """Arrays and attributes of one group of a store, committed rows only."""
 
     arrays: Mapping[str, NDArray[Any]]
     attributes: Mapping[str, Any] = field(default_factory=dict)
@@ -41,24 +41,27 @@ class Table:
 
 @dataclass(frozen=True)
 class CaseView:
-    """What every figure of one case needs: its name, its note, its scales, its machine and its own values of
-    the parameters that can be continued.
+    """What every figure of one case needs.
+
+    Its name, its note, its scales, its machine and its own values of the parameters that can be
+    continued.
     """
 
     name: str
     note: str
-    scales: Scales
+    scales: AxisScales
     machine: Table
     parameters: Mapping[str, float | None] = field(default_factory=dict)
 
     @property
     def bearings(self) -> int:
-        """How many bearings the machine has."""
+        """Number of bearings of the machine."""
         return len(self.machine["bearing_node"])
 
     def journal_coordinates(self, bearing: int) -> tuple[int, int]:
-        """Columns of x and y of a journal among the coordinates of the masters (x, y of each in order, and
-        the slopes where they are kept).
+        """Columns of x and y of a journal among the coordinates of the masters.
+
+        x, y of each master in order, and the slopes where they are kept.
         """
         journal = self.machine["bearing_node"][bearing]
         before, slopes = self.machine["master_node"] < journal, self.machine.optional("slope_node") < journal
@@ -66,12 +69,13 @@ class CaseView:
         return first, first + 1
 
     def clearance(self, bearing: int) -> float:
-        """A bearing's own clearance [µm], by which its film and the motion of its journal are measured."""
+        """A bearing's own clearance [µm], which scales its film and the motion of its journal."""
         return float(1e6 * self.machine["bearing_clearance"][bearing])
 
     def journal(self, coordinates: NDArray[np.float64], bearing: int) -> NDArray[np.float64]:
-        """x and y of a journal over its own clearance (..., 2), from coordinates of the masters (...,
-        coordinate), which are over the clearance of the first bearing.
+        """x and y of a journal over its own clearance (..., 2), from coordinates of the masters.
+
+        The coordinates (..., coordinate) are over the clearance of the first bearing.
         """
         own = coordinates[..., list(self.journal_coordinates(bearing))]
         return np.asarray(own / (self.clearance(bearing) / self.clearance(0)))
@@ -79,8 +83,10 @@ class CaseView:
     def add_micrometres(
         self, axes: Axes, label: str, bearing: int | None = None, apart: float = 0.11
     ) -> None:
-        """Second y axis in µm beside one in clearances of a bearing; of all of them, one axis for every
-        different clearance, ``apart`` in widths of the axes. ``label`` without unit.
+        """Second y axis in µm beside an axis in clearances of one bearing, or of all bearings.
+
+        For all of them, one axis for every different clearance, ``apart`` in widths of the axes.
+        ``label`` without unit.
         """
         if bearing is not None:
             add_right(axes, self.clearance(bearing), f"{label} [µm]".strip())
@@ -94,8 +100,8 @@ class CaseView:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """One figure still to be drawn: the stem of its file and the call that draws it."""
+class FigurePlan:
+    """One figure still to be drawn: the stem of its file name and the call that draws it."""
 
     kind: str
     stem: str
@@ -108,11 +114,11 @@ def stable_points(branch: Table) -> NDArray[np.bool_]:
 
 
 def excitation_periods(branch: Table) -> int:
-    """Of how many excitation periods the cycles of a branch are: 1, or 2, 4, ... after period doublings."""
+    """How many excitation periods the cycles of a branch last: 1, or 2, 4, ... after period doublings."""
     return int(branch.attributes.get("turns", 1))
 
 
 def branch_title(name: str, branch: Table) -> str:
-    """How a branch is called in titles."""
+    """Name of a branch in titles."""
     turns = excitation_periods(branch)
     return f"branch {name}" + (f" of {turns} excitation periods" if turns > 1 else "")

@@ -1,4 +1,4 @@
-"""All figures of a store: which there are, what each of them needs, and where their files go.
+"""All figures of a store: which exist, what each needs, and where their files go.
 
 Of the branches of cycles those of `continue-cycles` (``b000``, ...) and their period-doubled ones (``d000``,
 ...) are drawn. The lines that searched the plane (``s000``, ...) are not: there are dozens, and what they
@@ -22,9 +22,9 @@ from pipelines.figures.axes import PARAMETER_AXES
 from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram
 from pipelines.figures.bifurcation_tree import draw_bifurcation_tree
 from pipelines.figures.campbell import draw_campbell
-from pipelines.figures.case_tables import RUNS, CaseTables, Report, kind_of, read_case
+from pipelines.figures.case_tables import RUNS, CaseTables, Notify, kind_of, read_case
 from pipelines.figures.condensation import draw_condensation
-from pipelines.figures.contents import CaseView, MissingDataError, Plan, Table, excitation_periods
+from pipelines.figures.contents import CaseView, FigurePlan, MissingDataError, Table, excitation_periods
 from pipelines.figures.linearization import draw_linearization
 from pipelines.figures.machine_drawing import draw_machine
 from pipelines.figures.multipliers import draw_multipliers
@@ -72,19 +72,25 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
 ALL_KINDS = (*FIGURE_KINDS, *JOINT_KINDS)
 
 
+def _ignore(message: str) -> None:
+    """Notify nobody."""
+
+
 def draw_figures(
     store: Store | Path | str,
     output_folder: Path | str,
     formats: Sequence[str] = ("png",),
     cases: str = "*",
     kinds: Collection[str] | None = None,
-    report: Report | None = None,
+    notify: Notify = _ignore,
 ) -> list[Path]:
-    """Draw the figures of a store and give the files written, ``<output_folder>/<case>/<figure>.<format>``;
-    those of several cases together are ``<output_folder>/<figure>.<format>``.
+    """Draw the figures of a store and return the files written.
+
+    ``<output_folder>/<case>/<figure>.<format>``; those of several cases together are
+    ``<output_folder>/<figure>.<format>``.
 
     ``cases`` is a glob over case ids; ``kinds`` chooses among ``ALL_KINDS`` (all when None). A figure
-    whose data are not in the store is left out, and ``report`` is told why if it was chosen: once for each
+    whose data are not in the store is left out; if it was chosen, ``notify`` gets the reason once for each
     kind of group that is missing. One whose branch has no point yet says so in the picture. The store may
     still be written meanwhile. A damaged group is left out too, and raised when everything else is drawn.
 
@@ -92,14 +98,13 @@ def draw_figures(
     that cannot be read, OSError where the files cannot be written.
     """
     _refuse_unknown("format", formats, style.FORMATS)
-    tell = report if report is not None else _say_nothing
     written: list[Path] = []
     damaged: list[StoreError] = []
-    for stem, plan in _planned(store, cases, kinds, tell, damaged):
+    for stem, plan in _planned(store, cases, kinds, notify, damaged):
         try:
             figure = plan.draw()
         except MissingDataError as missing:
-            tell(f"{stem} is left out: {missing}")
+            notify(f"{stem} is left out: {missing}")
             continue
         written += [style.save_figure(figure, Path(output_folder) / f"{stem}.{suffix}") for suffix in formats]
     if damaged:
@@ -112,14 +117,14 @@ def draw_one_figure(
     path: Path,
     cases: str = "*",
     kinds: Collection[str] | None = None,
-    report: Report | None = None,
+    notify: Notify = _ignore,
 ) -> Path:
-    """Draw the only figure that the cases and kinds leave into a file, whose suffix is the format.
+    """Draw the only figure that cases and kinds select into a file, whose suffix is the format.
 
     Raises ValueError where they leave none or several; else as `draw_figures`.
     """
     damaged: list[StoreError] = []
-    plans = list(_planned(store, cases, kinds, report if report is not None else _say_nothing, damaged))
+    plans = list(_planned(store, cases, kinds, notify, damaged))
     if damaged:
         raise damaged[0]
     if len(plans) != 1:
@@ -135,10 +140,6 @@ def draw_one_figure(
         raise ValueError(f"{stem} cannot be drawn: {missing}") from missing
 
 
-def _say_nothing(message: str) -> None:
-    """A report that nobody reads."""
-
-
 def _refuse_unknown(what: str, given: Collection[str], allowed: Sequence[str]) -> None:
     if unknown := [name for name in given if name not in allowed]:
         raise ValueError(f"unknown {what} {', '.join(unknown)}; allowed are {', '.join(allowed)}")
@@ -148,10 +149,10 @@ def _planned(
     store: Store | Path | str,
     cases: str,
     kinds: Collection[str] | None,
-    tell: Report,
+    notify: Notify,
     damaged: list[StoreError],
-) -> Iterator[tuple[Path, Plan]]:
-    """Every figure with the stem of its file below the folder: case by case, then those of several cases."""
+) -> Iterator[tuple[Path, FigurePlan]]:
+    """Every figure with the stem of its file below the folder: case by case, then of several cases."""
     _refuse_unknown("figure", kinds or (), ALL_KINDS)
     opened = store if isinstance(store, Store) else open_for_reading(store)
     known = list_cases(opened)
@@ -161,31 +162,32 @@ def _planned(
     # what a store lacks is told only to those who asked for it
     asked, kinds = bool(kinds), kinds or ALL_KINDS
     for case in chosen:
-        for plan in _plans(opened, case, kinds, tell, damaged, asked=asked):
+        for plan in _plans(opened, case, kinds, notify, damaged, asked=asked):
             yield Path(case) / plan.stem, plan
     joint = [kind for kind in kinds if kind in JOINT_KINDS]
     if joint and (asked or len(chosen) > 1):
         needed = {group for kind in joint for group in JOINT_KINDS[kind]}
         # a group that cannot be read was told with the figures of its case, if there are any
-        read = [read_case(opened, case, needed, tell if asked else _say_nothing, damaged) for case in chosen]
+        read = [read_case(opened, case, needed, notify if asked else _ignore, damaged) for case in chosen]
         found = [case for case in read if case is not None]
-        for plan in joint_plans(found, joint, tell if asked else _say_nothing):
+        for plan in joint_plans(found, joint, notify if asked else _ignore):
             yield Path(plan.stem), plan
 
 
 def _plans(
-    store: Store, case: str, kinds: Collection[str], tell: Report, damaged: list[StoreError], *, asked: bool
-) -> list[Plan]:
-    """The figures of a case, in the order of ``FIGURE_KINDS``; tells which groups are not there, if ``asked``
-    for, and collects the errors of those that cannot be read.
+    store: Store, case: str, kinds: Collection[str], notify: Notify, damaged: list[StoreError], *, asked: bool
+) -> list[FigurePlan]:
+    """The figures of a case, in the order of ``FIGURE_KINDS``.
+
+    Reports which groups are missing, if ``asked`` for, and collects the errors of unreadable groups.
     """
     own = [kind for kind in FIGURE_KINDS if kind in kinds]
     needed = {FIGURE_KINDS[kind] for kind in own}.union(*(BESIDE.get(kind, ()) for kind in own))
-    held = read_case(store, case, needed, tell, damaged) if own else None
+    held = read_case(store, case, needed, notify, damaged) if own else None
     if held is None:
         return []
     if asked:
-        _tell_missing(case, own, {kind_of(name) for name in held.tables}, tell)
+        _notify_missing(case, own, {kind_of(name) for name in held.tables}, notify)
     view, branches = held.view, held.of_kind("cycles")
     plans = [plan for kind, table in held.single.items() for plan in _single_plans(view, kind, table)]
     plans += [
@@ -197,37 +199,41 @@ def _plans(
         *_torus_plans(view, held.of_kind("tori"), branches),
     ]
     if asked and "tree" in own and branches and not any(plan.kind == "tree" for plan in plans):
-        tell(f"{case}: tree is left out: it has no branch of doubled cycles (continue_cycles.doublings)")
+        notify(f"{case}: tree is left out: it has no branch of doubled cycles (continue_cycles.doublings)")
     return sorted((plan for plan in plans if plan.kind in own), key=lambda plan: own.index(plan.kind))
 
 
-def _tell_missing(case: str, kinds: Collection[str], held: Collection[str], tell: Report) -> None:
-    """Say once for every kind of group that is not there which figures it costs."""
+def _notify_missing(case: str, kinds: Collection[str], held: Collection[str], notify: Notify) -> None:
+    """Report once for every missing kind of group which figures need it."""
     missing: dict[str, list[str]] = {}
     for kind, group in FIGURE_KINDS.items():
         if kind in kinds and group not in held:
             missing.setdefault(group, []).append(kind)
     for group, figures in missing.items():
         left = f"{', '.join(figures)} {'are' if len(figures) > 1 else 'is'} left out"
-        tell(f"{case}: {left}: the store has no group {group!r} for this case")
+        notify(f"{case}: {left}: the store has no group {group!r} for this case")
 
 
-def _single_plans(view: CaseView, kind: str, table: Table) -> list[Plan]:
-    """Figures of a group that a case has once."""
+def _single_plans(view: CaseView, kind: str, table: Table) -> list[FigurePlan]:
+    """Figures of a group that a case has at most once."""
     if kind == "machine":
-        return [Plan("machine", "machine", partial(draw_machine, view))]
+        return [FigurePlan("machine", "machine", partial(draw_machine, view))]
     if kind == "criticals":
         return [
-            Plan("campbell", "campbell", partial(draw_campbell, view, table)),
-            Plan("condensation", "condensation", partial(draw_condensation, view, table)),
+            FigurePlan("campbell", "campbell", partial(draw_campbell, view, table)),
+            FigurePlan("condensation", "condensation", partial(draw_condensation, view, table)),
         ]
     if kind == "linear":
         draw = partial(draw_linearization, view, table)
-        return [Plan("linearization", "linearization", draw if len(table["speed"]) else _nothing_yet(view))]
+        return [
+            FigurePlan("linearization", "linearization", draw if len(table["speed"]) else _nothing_yet(view))
+        ]
     return []
 
 
-def _bifurcation_plans(view: CaseView, branches: Mapping[str, Table], refinement: Table | None) -> list[Plan]:
+def _bifurcation_plans(
+    view: CaseView, branches: Mapping[str, Table], refinement: Table | None
+) -> list[FigurePlan]:
     """One diagram for all branches along the same parameter."""
     plans = []
     for parameter in PARAMETER_AXES:
@@ -236,23 +242,23 @@ def _bifurcation_plans(view: CaseView, branches: Mapping[str, Table], refinement
         diagram = partial(draw_bifurcation_diagram, view, parameter, started, refinement)
         draw = diagram if started else _nothing_yet(view)
         if along:
-            plans.append(Plan("bifurcation", f"bifurcation-{parameter}", draw))
+            plans.append(FigurePlan("bifurcation", f"bifurcation-{parameter}", draw))
     return plans
 
 
-def _branch_plans(view: CaseView, branches: Mapping[str, Table]) -> list[Plan]:
-    """Figures of every single branch."""
+def _branch_plans(view: CaseView, branches: Mapping[str, Table]) -> list[FigurePlan]:
+    """Figures of each single branch."""
     plans = []
     for name, branch in branches.items():
         parameter = str(branch.attributes["parameter"])
         for kind, draw in (("multipliers", draw_multipliers), ("orbits", draw_orbits), ("film", draw_film)):
             started = len(branch["speed"]) > 0
             call = partial(draw, view, parameter, branch, name) if started else _nothing_yet(view, name)
-            plans.append(Plan(kind, f"{kind}-{name}", call))
+            plans.append(FigurePlan(kind, f"{kind}-{name}", call))
     return plans
 
 
-def _tree_plans(view: CaseView, branches: Mapping[str, Table]) -> list[Plan]:
+def _tree_plans(view: CaseView, branches: Mapping[str, Table]) -> list[FigurePlan]:
     """A tree for every parameter along which there are period-doubled branches."""
     plans = []
     for parameter in PARAMETER_AXES:
@@ -260,11 +266,11 @@ def _tree_plans(view: CaseView, branches: Mapping[str, Table]) -> list[Plan]:
         started = {name: branch for name, branch in along.items() if len(branch[parameter])}
         if any(excitation_periods(branch) > 1 for branch in started.values()):
             draw = partial(draw_bifurcation_tree, view, parameter, started)
-            plans.append(Plan("tree", f"tree-{parameter}", draw))
+            plans.append(FigurePlan("tree", f"tree-{parameter}", draw))
     return plans
 
 
-def _torus_plans(view: CaseView, tori: Mapping[str, Table], cycles: Mapping[str, Table]) -> list[Plan]:
+def _torus_plans(view: CaseView, tori: Mapping[str, Table], cycles: Mapping[str, Table]) -> list[FigurePlan]:
     """A diagram for every parameter and origin of tori, and the invariant curves of every branch."""
     plans = []
     for parameter in PARAMETER_AXES:
@@ -276,15 +282,15 @@ def _torus_plans(view: CaseView, tori: Mapping[str, Table], cycles: Mapping[str,
             diagram = partial(draw_tori, view, parameter, started, behind)
             if chosen:
                 draw = diagram if started else _nothing_yet(view)
-                plans.append(Plan("tori", f"tori-{parameter}{ending}", draw))
+                plans.append(FigurePlan("tori", f"tori-{parameter}{ending}", draw))
     for name, branch in tori.items():
         section = partial(draw_section, view, str(branch.attributes["parameter"]), branch, name)
         draw = section if len(branch["speed"]) else _nothing_yet(view, name)
-        plans.append(Plan("section", f"section-{name}", draw))
+        plans.append(FigurePlan("section", f"section-{name}", draw))
     return plans
 
 
-def _map_plans(case: CaseTables) -> list[Plan]:
+def _map_plans(case: CaseTables) -> list[FigurePlan]:
     """A map for every pair of parameters over which there are curves."""
     plans = []
     for plane in sorted({same_plane(curve) for curve in case.curves.values()}, key=sorted):
@@ -292,12 +298,12 @@ def _map_plans(case: CaseTables) -> list[Plan]:
         content = PlaneView.of(inside, case.single)
         started = any(len(curve["speed"]) for curve in inside.values())
         draw = partial(draw_stability_map, case.view, content) if started else _nothing_yet(case.view)
-        plans.append(Plan("stability", map_stem("stability-map", content.x, content.y), draw))
+        plans.append(FigurePlan("stability", map_stem("stability-map", content.x, content.y), draw))
     return plans
 
 
-def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table]) -> list[Plan]:
-    """Figures of every run in time, and one of all of them."""
+def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table]) -> list[FigurePlan]:
+    """Figures of every transient, and one figure of all of them."""
     kinds = {
         "waterfall": draw_waterfall,
         "spectrum": draw_spectrum,
@@ -305,15 +311,16 @@ def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table
         "modal-energy": draw_modal_energy,
     }
     plans = [
-        Plan(kind, f"{kind}-{run.name}", partial(draw, view, run))
+        FigurePlan(kind, f"{kind}-{run.name}", partial(draw, view, run))
         for kind, draw in kinds.items()
         for run in runs
     ]
     plans += [
-        Plan("envelope", f"envelope-{run.name}", partial(draw_envelope, view, run, branches)) for run in runs
+        FigurePlan("envelope", f"envelope-{run.name}", partial(draw_envelope, view, run, branches))
+        for run in runs
     ]
     if len(runs) > 1:
-        plans.append(Plan("unbalance", "unbalance", partial(draw_unbalance, view, runs)))
+        plans.append(FigurePlan("unbalance", "unbalance", partial(draw_unbalance, view, runs)))
     return plans
 
 

@@ -82,7 +82,7 @@ def _draw_eigenvalues(growth: Axes, frequency: Axes, linear: Table) -> None:
 
 
 def least_damped(eigenvalues: NDArray[np.complex128], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Real parts of the few chosen eigenvalues nearest to instability at every speed: what decides stability.
+    """Real parts of the chosen eigenvalues nearest to instability at every speed.
 
     One strongly damped eigenvalue would hide them all.
     """

@@ -48,7 +48,7 @@ def draw_machine(case: CaseView) -> Figure:
 
 
 def _reach(machine: Table) -> float:
-    """Largest radius of anything drawn [mm]."""
+    """Largest drawn radius [mm]."""
     bearings = (1.0 + HOUSING) * machine["bearing_radius"]
     diameters = [machine["element_outer"], machine.optional("disc_diameter_equivalent")]
     return MILLIMETRES * max(float(np.max(bearings)), *(0.5 * float(np.max(d)) for d in diameters if len(d)))

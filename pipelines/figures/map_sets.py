@@ -1,4 +1,4 @@
-"""Bifurcation sets of several cases in one plane, such as one for each displacement of the ring."""
+"""Bifurcation sets of several cases in one plane, for instance for several displacements of the rings."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from pipelines.figures.axes import PARAMETER_AXES
 from pipelines.figures.contents import CaseView, Table
 from pipelines.figures.resonance_lines import draw_resonances, resonance_handles
 from pipelines.figures.stability_map import (
+    CURVE_KINDS,
     INK,
-    KINDS,
     PALE,
     THIN,
     PlaneView,
     add_second_axes,
-    loose_ends,
+    incomplete_ends,
     parts_of,
     passive_speed,
 )
@@ -40,7 +40,7 @@ SAME_SPEED = 1e-4  # of instability, as far as it is written down
 
 @dataclass(frozen=True)
 class Overlay:
-    """The set of one of several cases, with what the case differs in."""
+    """The set of one of several cases, with what distinguishes the case."""
 
     label: str
     case: CaseView
@@ -75,7 +75,7 @@ def colour_of(number: int) -> str:
 
 
 def _draw_cases(axes: Axes, overlays: Sequence[Overlay]) -> list[Line2D]:
-    """The curves of every case; gives the legend of the colours."""
+    """Draw the curves of every case; returns the legend of the colours."""
     handles = []
     for number, overlay in enumerate(overlays):
         colour = colour_of(number)
@@ -90,19 +90,19 @@ def _draw_cases(axes: Axes, overlays: Sequence[Overlay]) -> list[Line2D]:
                     alpha=PALE if look.unstable else 1.0,
                     zorder=2.5 if look.unstable or look.doubled else 3.0,
                 )
-        for _, x, y in loose_ends(overlay.view):
+        for _, x, y in incomplete_ends(overlay.view):
             axes.plot(x, y, markeredgecolor=colour, zorder=4, **LOOSE)
         handles.append(Line2D([], [], color=colour, linewidth=2.4, label=overlay.label))
     return handles
 
 
 def _of_one_type(curve: BifurcationCurve) -> BifurcationCurve:
-    """The curve without its criticality, which is not drawn: dashes run on where it changes."""
+    """The curve without its criticality, which is not drawn: dashes continue where it changes."""
     return replace(curve, criticality=np.full(len(curve.arclength), UNKNOWN))
 
 
 def _kinds_legend(overlays: Sequence[Overlay]) -> list[Line2D]:
-    """What lines and open ends mean, as far as they occur."""
+    """Legend of the lines and open ends that occur."""
     looks = [
         look
         for overlay in overlays
@@ -111,7 +111,7 @@ def _kinds_legend(overlays: Sequence[Overlay]) -> list[Line2D]:
     ]
     kinds = {look.bifurcation for look in looks}
     handles = [
-        Line2D([], [], color=INK, linestyle=line, linewidth=WIDTH, label=KINDS[kind][0])
+        Line2D([], [], color=INK, linestyle=line, linewidth=WIDTH, label=CURVE_KINDS[kind][0])
         for kind, line in LINES.items()
         if kind in kinds
     ]
@@ -119,13 +119,13 @@ def _kinds_legend(overlays: Sequence[Overlay]) -> list[Line2D]:
         handles.append(Line2D([], [], color=INK, alpha=PALE, linewidth=WIDTH, label="of an unstable cycle"))
     if any(look.doubled for look in looks):
         handles.append(Line2D([], [], color=INK, linewidth=WIDTH * THIN, label="of doubled cycles"))
-    if any(loose_ends(overlay.view) for overlay in overlays):
+    if any(incomplete_ends(overlay.view) for overlay in overlays):
         handles.append(Line2D([], [], markeredgecolor=INK, label="curve not complete", **LOOSE))
     return handles
 
 
 def _draw_passive_speeds(axes: Axes, overlays: Sequence[Overlay]) -> list[Line2D]:
-    """The instability speed with undeformed rings: one line where the cases share it, else one for each."""
+    """The instability speed with undeformed rings: one line if the cases share it, else one for each."""
     known = [
         (number, value)
         for number, overlay in enumerate(overlays)
@@ -144,7 +144,7 @@ def _draw_passive_speeds(axes: Axes, overlays: Sequence[Overlay]) -> list[Line2D
 
 
 def _common_criticals(overlays: Sequence[Overlay]) -> Table | None:
-    """The critical speeds that stand for all cases: those with the least displacement, if foils are alike."""
+    """The critical speeds that represent all cases: from the least displacement, if foils are alike."""
     foils = {overlay.case.parameters.get("foil_stiffness") for overlay in overlays}
     if len(foils) > 1 or overlays[0].view.x != "excitation_frequency":
         return None

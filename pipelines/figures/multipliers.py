@@ -20,7 +20,7 @@ LARGEST_SHOWN = 1.6  # multipliers beyond this would shrink the unit circle to a
 CLOSE_UP = (0.75, 1.1)  # moduli shown near the circle, at least
 ANGLES = {0: "0", 60: "60", 90: "90\nR4", 120: "120\nR3", 180: "180"}  # strong resonances are named
 
-KINDS = (
+MULTIPLIER_KINDS = (
     ("complex pair", style.BLUE, "o"),
     ("real, positive", style.GREEN, "^"),
     ("real, negative", style.ORANGE, "v"),
@@ -29,7 +29,7 @@ KINDS = (
 
 @style.in_style
 def draw_multipliers(case: CaseView, parameter: str, branch: Table, name: str) -> Figure:
-    """Multipliers in the complex plane, near the circle unrolled, and their moduli against the parameter."""
+    """Multipliers in the complex plane and near the unrolled circle; moduli against the parameter."""
     multipliers = np.asarray(branch["multipliers"])
     along = np.asarray(branch[parameter], dtype=float)
     norm = Normalize(*limits(along, 0.0))
@@ -50,7 +50,7 @@ def draw_multipliers(case: CaseView, parameter: str, branch: Table, name: str) -
     ]
     handles += [
         Line2D([], [], color=colour, marker=marker, markersize=3.5, linestyle="none", label=label)
-        for label, colour, marker in KINDS
+        for label, colour, marker in MULTIPLIER_KINDS
     ]
     style.legend_below(figure, handles, 4)
     return style.finish(
@@ -119,7 +119,7 @@ def _draw_moduli(
     oscillating = np.abs(multipliers.imag) > 1e-9 * moduli
     parameters = np.broadcast_to(along[:, None], moduli.shape)
     groups = (oscillating, ~oscillating & (multipliers.real > 0.0), ~oscillating & (multipliers.real < 0.0))
-    for chosen, (_, colour, marker) in zip(groups, KINDS, strict=True):
+    for chosen, (_, colour, marker) in zip(groups, MULTIPLIER_KINDS, strict=True):
         axes.plot(
             parameters[chosen], moduli[chosen], marker, color=colour, markersize=2.4, markeredgewidth=0.0
         )

@@ -21,13 +21,13 @@ PHASE_TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
 def representative_points(branch: Table, count: int = CYCLES) -> NDArray[np.intp]:
-    """Points spread evenly over a branch, first and last included."""
+    """Points evenly spread over a branch, including the first and the last."""
     points = len(branch["speed"])
     return np.unique(np.linspace(0, points - 1, min(count, points)).round().astype(np.intp))
 
 
 def last_stable_point(branch: Table) -> int:
-    """The point whose film is drawn: the last stable one, or the first where none is stable."""
+    """The point whose film is drawn: the last stable one, or the first if none is stable."""
     stable = np.flatnonzero(stable_points(branch))
     return int(stable[-1]) if len(stable) else 0
 
@@ -68,7 +68,7 @@ def draw_orbits(case: CaseView, parameter: str, branch: Table, name: str) -> Fig
 
 
 def _looks(branch: Table, parameter: str) -> list[dict[str, Any]]:
-    """Colour, dash and label of every cycle that is drawn."""
+    """Colour, dash and label of every drawn cycle."""
     symbol, stable = PARAMETER_AXES[parameter].symbol, stable_points(branch)
     return [
         {
@@ -97,7 +97,7 @@ def _draw_minimum_film(axes: Axes, branch: Table, point: int, bearing: int, look
 
 
 def once_around(degrees: NDArray[np.float64]) -> tuple[float, float]:
-    """Limits of one turn around the nodes of a film, which may begin anywhere; NaN pads shorter films."""
+    """Limits of one turn around the nodes of a film, which may begin at any angle; NaN pads shorter films."""
     first, last = float(np.nanmin(degrees)), float(np.nanmax(degrees))
     start = first - 0.5 * (360.0 - (last - first))
     return start, start + 360.0

@@ -1,4 +1,4 @@
-"""Places for labels where many are close together: along one edge, and around points of a plane."""
+"""Positions for labels in crowded places: along one edge, and around points of a plane."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ LABEL_WEIGHT, OUTSIDE_WEIGHT, DISTANCE_WEIGHT = 1e4, 1e6, 0.02  # against one sa
 
 
 def spread(wanted: Array, gap: float, low: float, high: float) -> Array:
-    """Places (n,) in order, at least ``gap`` apart inside [low, high], nearest to increasing ``wanted`` ones.
+    """Positions (n,) in order inside [low, high], nearest to increasing ``wanted`` ones.
 
-    Where they do not fit, they are equally spaced over the whole interval.
+    They lie at least ``gap`` apart, or equally spaced over the whole interval where they do not fit.
     """
     count = len(wanted)
     if count == 0:
@@ -48,7 +48,7 @@ class Label:
 def place_labels(
     axes: Axes, renderer: RendererBase, labels: Sequence[Label], curves: Array, fontsize: float
 ) -> None:
-    """Write every label beside its point where it covers no other label, no marker and little of the curves.
+    """Write every label beside its point where it covers no other label, no marker and few curves.
 
     ``curves`` (n, 2): samples of what else is drawn.  The layout must be settled: places are measured.
     """

@@ -1,4 +1,4 @@
-"""Errors of bifurcation points: from the stored point a line to the extrapolated one, which is a cross.
+"""Errors of bifurcation points: a line from the stored point to a cross at the extrapolated point.
 
 The line is the error by the film grid; whiskers at the cross are the uncertainty of the extrapolation.  A
 point without a clean order has a grey bar to both sides, as long as the bound of its error.
@@ -29,8 +29,10 @@ SAME = 1e-9  # relative distance of parameters that were copied from one group t
 
 @dataclass(frozen=True)
 class ErrorBar:
-    """What is drawn of one recomputed point along its free parameter: both `ends` of the bar; `limit`: the
-    extrapolated value with its `uncertainty`, NaN where the bar is only a bound.
+    """The drawn data of one recomputed point along its free parameter.
+
+    Both `ends` of the bar; `limit`: the extrapolated value with its `uncertainty`, NaN where the bar is
+    only a bound.
     """
 
     ends: tuple[float, float]
@@ -43,7 +45,7 @@ class ErrorBar:
 
 
 def error_bar(table: Table, row: int) -> ErrorBar | None:
-    """The bar of a row of the group ``refinement``; None for a point that could not be recomputed."""
+    """The bar of a row of the group ``refinement``; None if the point could not be recomputed."""
     status, value = str(table["status"][row]), float(table["value"][row])
     if status == "refined":
         limit = float(table["richardson"][row])
@@ -69,7 +71,7 @@ def draw_refinement(axes: Axes, table: Table, x: str, y: str) -> list[Line2D]:
 
 
 def event_bars(table: Table | None, branch: Table, parameter: str) -> list[ErrorBar | None]:
-    """The error bar of every event of a branch along ``parameter``, None where there is none.
+    """The error bar of every event of a branch along ``parameter``, None for events without one.
 
     An event is recognised by its parameters, so that what was told of a branch that has been replaced is not
     drawn on the new one.
@@ -89,7 +91,7 @@ def event_bars(table: Table | None, branch: Table, parameter: str) -> list[Error
 
 
 def legend_handles(bars: Sequence[ErrorBar]) -> list[Line2D]:
-    """One handle for each kind of bar among those that were drawn."""
+    """One handle for each kind of bar that was drawn."""
     handles = []
     if any(not bar.is_bound for bar in bars):
         handles.append(Line2D([], [], label="extrapolated from finer grids", **BAR | CROSS))

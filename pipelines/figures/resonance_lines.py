@@ -23,28 +23,28 @@ LINE_COLOUR, LABEL_COLOUR = "#B4B4B4", "#555555"
 
 
 @dataclass(frozen=True)
-class Resonance:
+class ResonanceLine:
     """A predicted resonance: excitation frequency and formula."""
 
     frequency: float
     formula: str
 
 
-def resonances_of(criticals: Table, low: float, high: float) -> list[Resonance]:
+def resonances_of(criticals: Table, low: float, high: float) -> list[ResonanceLine]:
     """Predicted resonances inside an interval, by increasing frequency."""
     if "resonance_frequency" not in criticals:
         return []
-    found: list[Resonance] = []
+    found: list[ResonanceLine] = []
     columns = [criticals[f"resonance_{name}"] for name in ("frequency", "j", "k", "order", "kind")]
     for frequency, j, k, order, kind in sorted(zip(*columns, strict=True), key=lambda row: float(row[0])):
         if not low <= frequency <= high or order > LARGEST_ORDER or max(j, k) > CRITICALS:
             continue
-        found.append(Resonance(float(frequency), formula(str(kind), int(j), int(k), int(order))))
+        found.append(ResonanceLine(float(frequency), formula(str(kind), int(j), int(k), int(order))))
     return found
 
 
 def formula(kind: str, j: int, k: int, order: int) -> str:
-    """How a resonance is written: 2 Omega_j / n, (Omega_j + Omega_k) / n, |Omega_j - Omega_k| / n."""
+    """Formula of a resonance: 2 Omega_j / n, (Omega_j + Omega_k) / n or |Omega_j - Omega_k| / n."""
     first, second = rf"\bar{{\Omega}}_{{{j}}}", rf"\bar{{\Omega}}_{{{k}}}"
     if kind == "principal":
         return f"${first}$" if order == 2 else f"$2{first}$" + ("" if order == 1 else f"/{order}")
@@ -55,7 +55,7 @@ def formula(kind: str, j: int, k: int, order: int) -> str:
 
 
 def draw_resonances(axes: Axes, criticals: Table) -> Axes | None:
-    """Vertical lines with their formulas in a strip above the axes, which is returned; None without any."""
+    """Vertical lines with formulas in a strip above the axes, which is returned; None without any."""
     low, high = axes.get_xlim()
     found = resonances_of(criticals, low, high)
     if not found:
@@ -97,7 +97,7 @@ FREQUENCY_LOOK: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "alpha":
 
 
 def _weakly_damped(criticals: Table, frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Modes that oscillate; all of them where damping ratios are not stored."""
+    """Oscillating modes with weak damping; all of them where damping ratios are not stored."""
     oscillating = frequency > 0.0
     if "damping_ratio" not in criticals:
         return oscillating
@@ -105,7 +105,7 @@ def _weakly_damped(criticals: Table, frequency: NDArray[np.float64]) -> NDArray[
 
 
 def resonance_handles(lines: bool, frequencies: bool) -> list[Line2D]:
-    """Entries of the legend."""
+    """Legend entries."""
     handles = []
     if lines:
         handles.append(Line2D([], [], color=LINE_COLOUR, linewidth=0.9, label="predicted resonances"))

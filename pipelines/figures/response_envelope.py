@@ -1,6 +1,4 @@
-"""Envelopes of runs in time: over the branches of stored cycles, of several cases below each other, and of
-several unbalances together.
-"""
+"""Envelopes of transients: over branches of cycles, of several cases, and for several unbalances."""
 
 from __future__ import annotations
 
@@ -36,8 +34,11 @@ SAME_PARAMETER = 1e-9
 
 
 def comparable(run: RunView, branches: Sequence[Table]) -> list[Table]:
-    """Branches along the speed, of doubled cycles too, whose other parameters are those of the run while its
-    rings move.
+    """Branches along the speed, also of doubled cycles, with the other parameters of the transient.
+
+    Its parameters while its rings move count.
+
+    Those it has while its rings move.
     """
     # None: the machine has no such parameter, which the branches hold as NaN
     _, frequency, displacement, stiffness = np.array(run.run.attributes["parameters"], dtype=float)
@@ -59,7 +60,7 @@ def comparable(run: RunView, branches: Sequence[Table]) -> list[Table]:
 
 @dataclass(frozen=True)
 class Chart:
-    """One of several envelopes below each other: what the case differs in, its run and its cycles."""
+    """One of several envelopes below each other: what distinguishes the case, its run and its cycles."""
 
     label: str
     case: CaseView
@@ -69,8 +70,9 @@ class Chart:
 
 @style.in_style
 def draw_envelope(case: CaseView, run: RunView, branches: Sequence[Table]) -> Figure:
-    """Vertical envelope of a run in each bearing; below the envelope of the stored cycles with the same
-    parameters and the moduli of their leading multipliers (the paper's Fig. 4).
+    """Vertical envelope of a transient in each bearing, over that of stored cycles (the paper's Fig. 4).
+
+    The cycles have the same parameters; the moduli of their leading multipliers are drawn below.
     """
     cycles = comparable(run, branches) if run.over_speed else []
     rows = case.bearings + (1 if cycles else 0)
@@ -91,8 +93,9 @@ def draw_envelope(case: CaseView, run: RunView, branches: Sequence[Table]) -> Fi
 
 @style.in_style
 def draw_envelopes(charts: Sequence[Chart], title: str) -> Figure:
-    """Vertical envelopes of the first bearing, a run over the speed of each case with its cycles, below each
-    other; under each the moduli of the multipliers (the paper's Fig. 4).
+    """Vertical envelopes of the first bearing for several cases below each other (the paper's Fig. 4).
+
+    For each case a transient over the speed with its cycles; under each the moduli of the multipliers.
     """
     shares = [share for chart in charts for share in ((1.9, 1.0) if chart.cycles else (1.9,))]
     figure = style.new_figure(1.4 + 1.14 * sum(shares))
@@ -114,7 +117,7 @@ def draw_envelopes(charts: Sequence[Chart], title: str) -> Figure:
 
 
 def _draw_chart(axes: Axes, case: CaseView, run: RunView, cycles: Sequence[Table], bearing: int) -> None:
-    """The envelope of a run in one bearing over those of the cycles."""
+    """The envelope of a transient in one bearing over the envelopes of the cycles."""
     values = [*_draw_run(axes, run, bearing, style.SKY, 0.55)]
     values += [value for branch in cycles for value in _draw_cycles(axes, case, branch, bearing)]
     axes.set_ylim(*limits(np.concatenate(values), 0.08))
@@ -125,7 +128,7 @@ def _draw_chart(axes: Axes, case: CaseView, run: RunView, cycles: Sequence[Table
 def _draw_run(
     axes: Axes, run: RunView, bearing: int, colour: str, alpha: float, label: str = ""
 ) -> tuple[NDArray[np.float64], ...]:
-    """The filled envelope between two lines; gives both."""
+    """Draw the filled envelope between two lines; returns both."""
     along = run.along("window")
     low = run.needed("envelope_low")[:, bearing, VERTICAL]
     high = run.needed("envelope_high")[:, bearing, VERTICAL]
@@ -176,7 +179,7 @@ def _legend(runs: Sequence[RunView], cycles: Sequence[Table]) -> list[Patch | Li
 
 
 def together(views: Sequence[RunView]) -> list[RunView]:
-    """Runs to be drawn over each other: those over the speed, or those over time where these are more.
+    """Transients for one chart: those over the speed, or those over time if these are more.
 
     Raises MissingDataError for fewer than two.
     """
@@ -190,7 +193,7 @@ def together(views: Sequence[RunView]) -> list[RunView]:
 
 @style.in_style
 def draw_unbalance(case: CaseView, views: Sequence[RunView]) -> Figure:
-    """Vertical envelopes of several runs over each other, called by their unbalance (the paper's Fig. 6)."""
+    """Vertical envelopes of several transients in one chart, labelled by unbalance (the paper's Fig. 6)."""
     chosen = together(views)
     # the widest first, so that the others stay visible on it
     chosen.sort(key=lambda view: -float(np.ptp(view.run["journal"][..., VERTICAL])))
@@ -214,7 +217,7 @@ def draw_unbalance(case: CaseView, views: Sequence[RunView]) -> Figure:
 
 
 def _labels(views: Sequence[RunView]) -> list[str]:
-    """The unbalance; with more where several runs share it."""
+    """Labels by unbalance; with more detail where several transients share it."""
     plain = [view.unbalance + ("" if view.excitation_frequency else ", rings at rest") for view in views]
     return [
         label if plain.count(label) == 1 else f"{label}, {view.speed_text} ({view.name})"

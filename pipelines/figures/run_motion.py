@@ -1,4 +1,4 @@
-"""What a run in time does: waterfall, spectrum, Poincare points and energies of the rotor's modes."""
+"""Motion of a transient: waterfall, spectrum, Poincare points and energies of the rotor's modes."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ def draw_waterfall(case: CaseView, run: RunView) -> Figure:
 
 
 def _highest(frequency: NDArray[np.float64], amplitude: NDArray[np.float64], smallest: float) -> float:
-    """A little above the highest frequency with an amplitude that is shown."""
+    """A little above the highest frequency with a visible amplitude."""
     seen = np.flatnonzero((amplitude > smallest).any(axis=(0, 2)))
     return float(min(frequency[-1], 1.1 * frequency[seen[-1]]))
 
 
 @style.in_style
 def draw_spectrum(case: CaseView, run: RunView) -> Figure:
-    """Amplitudes of the journals at the steady end of the run over the frequency."""
+    """Amplitudes of the journals over the frequency at the steady end of the transient."""
     frequency, amplitude = run.needed("frequency"), run.needed("spectrum")
     figure = style.new_figure(1.3 + 2.1 * case.bearings)
     panels = np.atleast_1d(figure.subplots(case.bearings, 1, sharex=True))
@@ -86,7 +86,7 @@ def draw_spectrum(case: CaseView, run: RunView) -> Figure:
     panels[-1].set_xlabel(FREQUENCY_LABEL)
     add_top(panels[0], case.scales.hertz, "frequency [Hz]")
     style.legend_below(figure, panels[0].get_legend_handles_labels()[0], 4)
-    return style.finish(figure, f"{case.name}: spectrum of {run.title}{_told(run)}", case.note)
+    return style.finish(figure, f"{case.name}: spectrum of {run.title}{_motion_in_title(run)}", case.note)
 
 
 def _frequencies(run: RunView) -> dict[str, tuple[float, str]]:
@@ -97,13 +97,13 @@ def _frequencies(run: RunView) -> dict[str, tuple[float, str]]:
     return lines
 
 
-def _told(run: RunView) -> str:
+def _motion_in_title(run: RunView) -> str:
     return f": {run.motion}" if run.motion else ""
 
 
 @style.in_style
 def draw_poincare(case: CaseView, run: RunView) -> Figure:
-    """The last motion of each journal with its points at the begin of every ring period and of every turn."""
+    """The last motion of each journal with its points at the start of every ring period and of every turn."""
     sections = [by for by in ("ring", "rotation") if f"{by}_section_time" in run.analysis]
     run.needed(f"{sections[0] if sections else 'ring'}_section_time")
     figure = style.new_figure(1.0 + 3.1 * len(sections), 0.5 + 3.1 * case.bearings)
@@ -127,7 +127,7 @@ def draw_poincare(case: CaseView, run: RunView) -> Figure:
 
 
 def _late_points(run: RunView, by: str) -> NDArray[np.float64]:
-    """Points (points, bearing, 2) by which the motion was judged, or the last ones."""
+    """Points (points, bearing, 2) from which the motion was classified, or the last ones."""
     times, points = run.analysis[f"{by}_section_time"], run.analysis[f"{by}_section_journal"]
     if "stretch_begin" in run.analysis:
         return np.asarray(points[times >= run.analysis["stretch_begin"][0]])
@@ -146,7 +146,7 @@ def _draw_orbit(axes: Axes, run: RunView, bearing: int) -> None:
 
 
 def _evidence(run: RunView) -> str:
-    """The kind of motion and what it is told from."""
+    """The kind of motion and the evidence for it."""
     if not run.motion:
         reason = f"motion not judged: {run.skipped.get('motion', 'no reason stored')}"
         return "\n".join(wrap(reason, EVIDENCE_WIDTH))
@@ -154,13 +154,13 @@ def _evidence(run: RunView) -> str:
         return run.motion
     returns = ", ".join(f"{value:.2g}" for value in run.analysis["return_distance"][0])
     chaos = float(run.analysis["chaos"][0])
-    told = run.motion + (f", 0–1 test {chaos:.2f}" if np.isfinite(chaos) else "")
-    return f"{told}\nreturns after 1, 2, 4, 8 periods: {returns}"
+    text = run.motion + (f", 0–1 test {chaos:.2f}" if np.isfinite(chaos) else "")
+    return f"{text}\nreturns after 1, 2, 4, 8 periods: {returns}"
 
 
 @style.in_style
 def draw_modal_energy(case: CaseView, run: RunView) -> Figure:
-    """Kinetic and strain energy of the modes of the free rotor along the run."""
+    """Kinetic and strain energy of the modes of the free rotor along the transient."""
     kinetic, strain = run.needed("kinetic_energy"), run.needed("strain_energy")
     frequency = run.needed("mode_frequency")
     along = run.along("window")

@@ -1,4 +1,4 @@
-"""Runs in time as the figures see them: samples, analysis, what they run over and how they are called."""
+"""Transients for the figures: samples, analysis, what they are drawn over and their names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from pipelines.figures import style
-from pipelines.figures.axes import Scales, add_parameter_axis, add_top, seconds
+from pipelines.figures.axes import AxisScales, add_parameter_axis, add_top, seconds
 from pipelines.figures.contents import MissingDataError, Table
 
 SAME_SPEED = 1e-9
@@ -37,7 +37,7 @@ RUN_ARRAYS = ("time", "speed", "journal", "ring_displacement")  # of the samples
 
 @dataclass(frozen=True)
 class RunView:
-    """A run: name of its groups (``t000``), its analysis and its samples."""
+    """A transient: name of its groups (``t000``), its analysis and its samples."""
 
     name: str
     analysis: Table
@@ -60,7 +60,7 @@ class RunView:
         return np.asarray(self.needed(f"{part}_{'speed' if self.over_speed else 'time'}"))
 
     def needed(self, name: str) -> NDArray[Any]:
-        """An array of the analysis; raises MissingDataError with the stored reason where there is none."""
+        """An array of the analysis; raises MissingDataError with the stored reason if it is missing."""
         if name in self.analysis:
             return self.analysis[name]
         part = PARTS.get(name.split("_")[0], name)
@@ -73,13 +73,13 @@ class RunView:
 
     @property
     def excitation_frequency(self) -> float | None:
-        """That of the rings, None where they rest all the time."""
+        """Frequency of the rings; None if they rest all the time."""
         moves = bool(np.any(self.run["ring_displacement"] > 0.0))
         return float(self.run.attributes["parameters"][1]) if moves else None
 
     @property
     def unbalance(self) -> str:
-        """How the unbalance of the run is called."""
+        """Unbalance of the run in words."""
         table = self.run.attributes["request"]["unbalance"]
         if table is None:
             return "balanced"
@@ -101,15 +101,17 @@ class RunView:
 
     @property
     def motion(self) -> str:
-        """The kind of motion at the steady end of the run, empty where it is not known."""
+        """The kind of motion at the steady end of the run; empty if it is not known."""
         if "motion" not in self.analysis or self.analysis["motion"][0] == "unset":
             return ""
         word = str(self.analysis["motion"][0])
         return f"{word.split('_')[1]}T periodic" if word.startswith("period_") else word.replace("_", "-")
 
 
-def label_along(axes: Axes, over_speed: bool, scales: Scales, bottom: bool = True, top: bool = True) -> None:
-    """Label the x axis of a run with speed or time, and the top with the dimensional twin."""
+def label_along(
+    axes: Axes, over_speed: bool, scales: AxisScales, bottom: bool = True, top: bool = True
+) -> None:
+    """Label the x axis of a run with speed or time, and the top axis in dimensional units."""
     if over_speed:
         add_parameter_axis(axes, "speed", scales, bottom, top)
         return
@@ -120,7 +122,7 @@ def label_along(axes: Axes, over_speed: bool, scales: Scales, bottom: bool = Tru
 
 
 def bearing_title(bearing: int) -> str:
-    """How a bearing is called above its panel."""
+    """Name of a bearing above its panel."""
     return f"bearing {bearing + 1}"
 
 

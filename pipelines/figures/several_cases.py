@@ -1,4 +1,4 @@
-"""Figures that show several cases together: which cases go into one, and what tells them apart."""
+"""Figures of several cases together: which cases share a figure, and what distinguishes them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from functools import partial
 from types import MappingProxyType
 
 from pipelines.figures.axes import PARAMETER_AXES
-from pipelines.figures.case_tables import RUNS, CaseTables, Report
-from pipelines.figures.contents import CaseView, Plan, Table
+from pipelines.figures.case_tables import RUNS, CaseTables, Notify
+from pipelines.figures.contents import CaseView, FigurePlan, Table
 from pipelines.figures.map_sets import Overlay, draw_map_sets
 from pipelines.figures.response_envelope import Chart, comparable, draw_envelopes
 from pipelines.figures.stability_map import PlaneView, map_stem, same_plane
@@ -22,23 +22,23 @@ MOST_SETS = 8  # colours that are told apart
 MOST_ENVELOPES = 4  # below each other on a page
 
 
-def joint_plans(cases: Sequence[CaseTables], kinds: Collection[str], tell: Report) -> Iterator[Plan]:
-    """The figures of several cases; ``tell`` is given the reason where one of ``kinds`` cannot be drawn."""
+def joint_plans(cases: Sequence[CaseTables], kinds: Collection[str], notify: Notify) -> Iterator[FigurePlan]:
+    """The figures of several cases; ``notify`` receives the reason if one of ``kinds`` cannot be drawn."""
     ordered = sorted(cases, key=lambda case: [case.view.parameters.get(name) or 0.0 for name in ORDER])
     if "sets" in kinds:
-        yield from _set_plans(ordered, tell)
+        yield from _set_plans(ordered, notify)
     if "envelopes" in kinds:
-        yield from _envelope_plans(ordered, tell)
+        yield from _envelope_plans(ordered, notify)
 
 
-def _set_plans(cases: Sequence[CaseTables], tell: Report) -> Iterator[Plan]:
+def _set_plans(cases: Sequence[CaseTables], notify: Notify) -> Iterator[FigurePlan]:
     """A map for every pair of parameters over which several cases have curves."""
     planes = {same_plane(curve) for case in cases for curve in case.curves.values()}
     if not planes:
-        tell("sets is left out: the chosen cases have no curves of bifurcations")
+        notify("sets is left out: the chosen cases have no curves of bifurcations")
     for plane in sorted(planes, key=sorted):
         held = [(case, inside) for case in cases if (inside := _curves_over(case, plane))]
-        if not _fits("sets", "curves over the same parameters", len(held), MOST_SETS, tell):
+        if not _fits("sets", "curves over the same parameters", len(held), MOST_SETS, notify):
             continue
         views = [PlaneView.of(inside, case.single) for case, inside in held]
         members = [case.view for case, _ in held]
@@ -46,7 +46,7 @@ def _set_plans(cases: Sequence[CaseTables], tell: Report) -> Iterator[Plan]:
         labels, shared = told_apart(members, (x, y))
         overlays = [Overlay(*each) for each in zip(labels, members, views, strict=True)]
         draw = partial(draw_map_sets, overlays, f"bifurcation sets{shared}")
-        yield Plan("sets", map_stem("sets", x, y), draw)
+        yield FigurePlan("sets", map_stem("sets", x, y), draw)
 
 
 def _curves_over(case: CaseTables, plane: frozenset[str]) -> dict[str, Table]:
@@ -55,10 +55,10 @@ def _curves_over(case: CaseTables, plane: frozenset[str]) -> dict[str, Table]:
     return inside if any(len(curve["speed"]) for curve in inside.values()) else {}
 
 
-def _envelope_plans(cases: Sequence[CaseTables], tell: Report) -> Iterator[Plan]:
-    """The first run over the speed of every case, with its cycles."""
+def _envelope_plans(cases: Sequence[CaseTables], notify: Notify) -> Iterator[FigurePlan]:
+    """The first transient over the speed of every case, with its cycles."""
     held = [(case, run) for case in cases for run in [run for run in case.runs if run.over_speed][:1]]
-    if not _fits("envelopes", "a run over the speed that has ended", len(held), MOST_ENVELOPES, tell):
+    if not _fits("envelopes", "a run over the speed that has ended", len(held), MOST_ENVELOPES, notify):
         return
     members = [case.view for case, _ in held]
     labels, shared = told_apart(members, ("speed",))
@@ -66,22 +66,24 @@ def _envelope_plans(cases: Sequence[CaseTables], tell: Report) -> Iterator[Plan]
         Chart(label, case.view, run, comparable(run, list(case.of_kind("cycles").values())))
         for label, (case, run) in zip(labels, held, strict=True)
     ]
-    yield Plan("envelopes", "envelopes", partial(draw_envelopes, charts, f"response envelopes{shared}"))
+    yield FigurePlan("envelopes", "envelopes", partial(draw_envelopes, charts, f"response envelopes{shared}"))
 
 
-def _fits(figure: str, what: str, count: int, most: int, tell: Report) -> bool:
-    """Whether so many cases make the figure; else why not is told."""
+def _fits(figure: str, what: str, count: int, most: int, notify: Notify) -> bool:
+    """Whether so many cases make the figure; otherwise the reason is reported."""
     if count < 2:
-        tell(
+        notify(
             f"{figure} is left out: it needs two cases with {what}; of the chosen ones {count or 'none'} has"
         )
     elif count > most:
-        tell(f"{figure} is left out: {count} of the chosen cases have {what}; choose at most {most} of them")
+        notify(
+            f"{figure} is left out: {count} of the chosen cases have {what}; choose at most {most} of them"
+        )
     return 2 <= count <= most
 
 
 def told_apart(cases: Sequence[CaseView], axes: Collection[str]) -> tuple[list[str], str]:
-    """What every case differs in from the others, and for a title what all of them share.
+    """What distinguishes every case from the others, and for a title what all cases share.
 
     Parameters that are on the axes count for neither. Cases that differ in other keys are told apart by the
     parts of their names.

@@ -26,7 +26,7 @@ SAMPLES = 12  # of the cubic between two rows
 ALIKE = 0.004  # of the plane: special points of one kind this close are one point, met on two curves
 LABEL_SIZE = 6.5
 
-KINDS = {
+CURVE_KINDS = {
     "neimark_sacker": ("Neimark–Sacker (NS)", style.DEEP_PURPLE),
     "period_doubling": ("period doubling (PD)", style.ORANGE),
     "fold": ("fold (LPC)", style.GREEN),
@@ -50,7 +50,7 @@ INK = "#333333"
 
 @dataclass(frozen=True)
 class PlaneView:
-    """What a map shows: the groups of kind curve by name, and those that add to them.
+    """Content of a map: the groups of kind curve by name, and groups that add to them.
 
     ``x`` and ``y``: parameters of the axes; ``ranges``: their limits.
     """
@@ -64,8 +64,9 @@ class PlaneView:
 
     @classmethod
     def of(cls, tables: Mapping[str, Table], others: Mapping[str, Table]) -> PlaneView:
-        """The view of curves over the same two parameters; ``others``: criticals, bifurcation_set and
-        operating_range as far as the store has them.
+        """The view of curves over two common parameters.
+
+        ``others``: criticals, bifurcation_set and operating_range as far as the store has them.
         """
         attributes = next(iter(tables.values())).attributes
         names, ranges = attributes["parameters"], attributes["ranges"]
@@ -87,13 +88,13 @@ def same_plane(table: Table) -> frozenset[str]:
 
 
 def map_stem(figure: str, x: str, y: str) -> str:
-    """Stem of the file of a map; the usual plane is not named."""
+    """Stem of the file name of a map; the usual plane is not named."""
     return figure if (x, y) == ("excitation_frequency", "speed") else f"{figure}-{x}-{y}"
 
 
 @style.in_style
 def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False) -> Figure:
-    """Curves of bifurcations solid where supercritical, dashed where subcritical, dotted where not known.
+    """Curves of bifurcations: solid if supercritical, dashed if subcritical, dotted if not known.
 
     Pale: the cycle is unstable on both sides. Thin: of cycles of two and more excitation periods.
     ``scan_lines``: the branches that searched the plane as a light grid.
@@ -116,7 +117,7 @@ def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False
 
 
 def _drawn_points(view: PlaneView) -> NDArray[np.float64]:
-    """Samples (n, 2) of all lines that labels keep away from."""
+    """Samples (n, 2) of all lines that labels must avoid."""
     found = [points for curve in view.curves for _, points in parts_of(curve, view)]
     if (passive := passive_speed(view)) is not None:
         along = np.linspace(*view.ranges[view.x], 400)
@@ -125,8 +126,8 @@ def _drawn_points(view: PlaneView) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True)
-class Look:
-    """How a part of a curve is drawn."""
+class LineStyle:
+    """Line style of a part of a curve."""
 
     bifurcation: str
     criticality: str
@@ -137,7 +138,7 @@ class Look:
     def options(self) -> dict[str, Any]:
         """Line options of matplotlib."""
         return {
-            "color": KINDS[self.bifurcation][1],
+            "color": CURVE_KINDS[self.bifurcation][1],
             "linestyle": LINES[self.criticality],
             "linewidth": WIDTHS[self.criticality] * (THIN if self.doubled else 1.0),
             "alpha": PALE if self.unstable else 1.0,
@@ -146,12 +147,12 @@ class Look:
         }
 
 
-def parts_of(curve: BifurcationCurve, view: PlaneView) -> Iterator[tuple[Look, NDArray[np.float64]]]:
+def parts_of(curve: BifurcationCurve, view: PlaneView) -> Iterator[tuple[LineStyle, NDArray[np.float64]]]:
     """Parts of equal look with samples (n, 2) of x and y along the cubics."""
     ends, order = curve.stretches(), view.order(curve)
     middles = 0.5 * (ends[1:] + ends[:-1])
     looks = [
-        Look(
+        LineStyle(
             curve.bifurcation,
             NO_TYPE if curve.bifurcation == "fold" else curve.criticality_at(float(middle)),
             curve.unstable_at(float(middle)) > 0,
@@ -183,7 +184,7 @@ def _draw_stable_range(axes: Axes, view: PlaneView) -> list[Patch]:
 
 
 def passive_speed(view: PlaneView) -> float | None:
-    """The instability speed of the machine with undeformed rings; None where not known or not on an axis."""
+    """The instability speed with undeformed rings; None if it is not known or not on an axis."""
     table = view.others.get("bifurcation_set")
     value = None if table is None else table.attributes.get("passive_instability_speed")
     return None if value is None or view.y != "speed" else float(value)
@@ -199,7 +200,7 @@ def _draw_passive(axes: Axes, view: PlaneView) -> list[Line2D]:
 
 
 def _draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
-    looks: list[Look] = []
+    looks: list[LineStyle] = []
     for curve in view.curves:
         for look, points in parts_of(curve, view):
             axes.plot(points[:, 0], points[:, 1], **look.options)
@@ -207,7 +208,7 @@ def _draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     kinds = {look.bifurcation for look in looks}
     handles = [
         Line2D([], [], color=colour, linewidth=1.7, label=label)
-        for kind, (label, colour) in KINDS.items()
+        for kind, (label, colour) in CURVE_KINDS.items()
         if kind in kinds
     ]
     names = {"unset": "type not known"}
@@ -224,8 +225,8 @@ def _draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     return handles
 
 
-def loose_ends(view: PlaneView) -> list[tuple[str, float, float]]:
-    """Kind of bifurcation and place where a curve goes on but was not followed."""
+def incomplete_ends(view: PlaneView) -> list[tuple[str, float, float]]:
+    """Kind of bifurcation and position where a curve continues but was not traced."""
     complete = {curve.name for curve in view.curves if curve.is_complete}
     return [
         (str(table.attributes["bifurcation"]), float(table[view.x][-1]), float(table[view.y][-1]))
@@ -234,20 +235,20 @@ def loose_ends(view: PlaneView) -> list[tuple[str, float, float]]:
     ]
 
 
-def _draw_loose_ends(axes: Axes, view: PlaneView) -> list[Line2D]:
-    """Open markers where a curve goes on but was not followed."""
+def _draw_incomplete_ends(axes: Axes, view: PlaneView) -> list[Line2D]:
+    """Open markers where a curve continues but was not traced."""
     look: dict[str, Any] = {
         "marker": "s", "markersize": 4.5, "markerfacecolor": "white", "linestyle": "none", "zorder": 4
     }  # fmt: skip
-    ends = loose_ends(view)
+    ends = incomplete_ends(view)
     for kind, x, y in ends:
-        axes.plot(x, y, markeredgecolor=KINDS[kind][1], markeredgewidth=1.1, **look)
+        axes.plot(x, y, markeredgecolor=CURVE_KINDS[kind][1], markeredgewidth=1.1, **look)
     handle = Line2D([], [], markeredgecolor=INK, markeredgewidth=1.1, label="curve not complete", **look)
     return [handle] if ends else []
 
 
 def special_points(view: PlaneView) -> list[tuple[str, float, float, bool]]:
-    """Kind, place and whether it was located, of every point of codimension two; met on two curves, once."""
+    """Kind, position and whether it was located, of every point of codimension two; shared points once."""
     found: list[tuple[str, float, float, bool]] = []
     width, height = (float(np.ptp(view.ranges[name])) for name in (view.x, view.y))
     for table in view.tables.values():
@@ -291,7 +292,7 @@ Layer = Callable[[Axes, PlaneView], Sequence[Any]]
 
 
 def _draw_errors(axes: Axes, view: PlaneView) -> list[Line2D]:
-    """What finer grids told of the error of some points."""
+    """Errors of points that were estimated on finer grids."""
     table = view.others.get("refinement")
     return [] if table is None else draw_refinement(axes, table, view.x, view.y)
 
@@ -301,7 +302,7 @@ def _draw_errors(axes: Axes, view: PlaneView) -> list[Line2D]:
 LAYERS: tuple[Layer, ...] = (
     _draw_curves,
     _draw_special_points,
-    _draw_loose_ends,
+    _draw_incomplete_ends,
     _draw_stable_range,
     _draw_passive,
     _draw_errors,
@@ -309,7 +310,7 @@ LAYERS: tuple[Layer, ...] = (
 
 
 def _draw_resonances(axes: Axes, view: PlaneView, handles: list[Any]) -> Axes:
-    """Predicted resonances, whose entries are added to those of the legend; gives the axes on top."""
+    """Draw predicted resonances and add their legend entries; returns the axes on top."""
     criticals = view.others.get("criticals")
     if criticals is None or view.x != "excitation_frequency":
         return axes
@@ -320,14 +321,14 @@ def _draw_resonances(axes: Axes, view: PlaneView, handles: list[Any]) -> Axes:
 
 
 def add_second_axes(axes: Axes, top: Axes, view: PlaneView, case: CaseView) -> None:
-    """Dimensional twins of both parameters, that of x on the axes ``top``."""
+    """Dimensional axes of both parameters, for x on the axes ``top``."""
     horizontal, vertical = PARAMETER_AXES[view.x], PARAMETER_AXES[view.y]
     add_top(top, *horizontal.dimensional(case.scales))
     add_right(axes, *vertical.dimensional(case.scales))
 
 
 def _constants(view: PlaneView) -> str:
-    """The parameters that do not vary over the plane."""
+    """The parameters that are constant over the plane."""
     table = next((table for table in view.tables.values() if len(table[view.x])), None)
     if table is None:
         return ""

@@ -1,4 +1,4 @@
-"""One look for every figure, and files whose bytes depend on the drawing alone.
+"""A common style for every figure, and files whose bytes depend on the drawing alone.
 
 Nothing here touches matplotlib's global state: figures are drawn and saved inside :func:`styled`, a context
 that restores the caller's settings, and are plain ``Figure`` objects that pyplot does not know.
@@ -95,7 +95,7 @@ METADATA: MappingProxyType[str, dict[str, Any]] = MappingProxyType(
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Settings of this project while the block runs, starting from matplotlib's own defaults.
+    """Apply the settings of this project in a block, starting from matplotlib's own defaults.
 
     `matplotlib.rcdefaults` would load the user's styles too, and stop at one that cannot be read.
     """
@@ -125,7 +125,7 @@ def new_figure(height: float, width: float = DOUBLE_COLUMN) -> Figure:
 
 
 def finish(figure: Figure, title: str, note: str = "") -> Figure:
-    """Give a figure its title and, where there is one, the note on what the machine is."""
+    """Give a figure its title and, if there is one, the note about the machine."""
     lines = [literal(line) for line in wrap(note, NOTE_WIDTH)]
     # Blank lines below the title keep the place of the note, which is set in another type.
     heading = figure.suptitle(title + "\n " * len(lines), fontsize=9.5, fontweight="bold")
@@ -154,15 +154,17 @@ def finish(figure: Figure, title: str, note: str = "") -> Figure:
 
 
 def literal(text: str) -> str:
-    """A user's own text as it is drawn: a dollar begins no formula, a leading underscore hides no entry of a
-    legend, and what is no letter and not allowed in SVG is drawn as one that is not known.
+    """A user's own text, escaped so that it is drawn as written.
+
+    A dollar begins no formula, a leading underscore hides no legend entry, and a character that is
+    neither a letter nor allowed in SVG is drawn as an unknown one.
     """
     escaped = _CONTROL.sub("\ufffd", text).replace("$", r"\$")
     return r"$\_$" + escaped[1:] if escaped.startswith("_") else escaped
 
 
 def wrapped(line: str, width: int) -> list[str]:
-    """A line of a title in pieces that fit, broken between words; one with a formula as it is."""
+    """A title line in pieces that fit, broken between words; a line with a formula is unchanged."""
     return [line] if "$" in line else wrap(line, width) or [line]
 
 
@@ -179,7 +181,7 @@ def bearing_look(bearing: int) -> dict[str, Any]:
 
 
 def placeholder(title: str, message: str, note: str = "") -> Figure:
-    """A figure that says why there is nothing to see yet."""
+    """A figure that says why there is nothing to draw yet."""
     with styled():
         figure = new_figure(1.8)
         axes = figure.subplots()

@@ -34,13 +34,13 @@ ROTATION_LOOK: Mapping[str, Any] = {"color": style.GREEN, "linewidth": 1.3}
 
 
 def is_unbalanced(tori: Table) -> bool:
-    """Whether a branch of tori is driven by unbalance, and not born at a Neimark-Sacker point."""
+    """Whether a branch of tori is driven by unbalance, not born at a Neimark-Sacker point."""
     return "unbalance" in tori.attributes
 
 
 @style.in_style
 def draw_tori(case: CaseView, parameter: str, tori: Sequence[Table], cycles: Sequence[Table] = ()) -> Figure:
-    """Extremes of the journals over each torus, those of the cycles behind them, and the rotation number.
+    """Extremes of the journals over each torus, extremes of the cycles behind them, and the rotation number.
 
     ``tori``: at least one branch with points; ``cycles``: branches along the same parameter.
     """
@@ -81,13 +81,13 @@ def _draw(
 
 
 def _inside(curve: Curve, interval: tuple[float, float]) -> NDArray[np.float64]:
-    """The values of a curve that are in sight."""
+    """The visible values of a curve."""
     shown = (curve.parameter >= interval[0]) & (curve.parameter <= interval[1])
     return curve.values[shown].ravel()
 
 
 def _stability_handles(tori: Sequence[Table]) -> list[Line2D]:
-    """Growth rates near one leave the stability of some tori open: they are drawn as if unstable."""
+    """Legend entries of the stability; tori whose stability is open are drawn as unstable."""
     open_ones = any(np.any(branch["unstable_count"] < 0) for branch in tori)
     return stability_handles(unstable="unstable or open" if open_ones else "unstable")
 

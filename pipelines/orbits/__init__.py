@@ -1,13 +1,13 @@
-"""Dynamical systems, their period maps, cycles, equilibria and runs in time.
+"""Dynamical systems, their period maps, cycles, equilibria and transients.
 
-- system, compiled: what the engine knows of a system; systems from Python functions
+- system, compiled: definition of a system; systems from Python functions
 - vectors: points, directions, metric and constraints of continuations
 - steppers: Runge-Kutta tableaux
 - integration: one pass over a period: `propagation` explicit, `implicit` diagonally implicit
 - period_map: the map over one period and its derivatives
 - floquet: multipliers from the slow invariant subspace
 - shooting: Newton-Picard shooting for cycles
-- time_steps: how many time steps a period needs, and the error that they leave
+- time_steps: number of time steps per period, and the error that they leave
 - hopf_start, machine_cycles: the first cycle beside a Hopf point; the machine as a system, and the shape of
   its cycles
 - equilibria: `equilibrium`, `linear` (coefficients, eigenvalues), `modes`, `campbell`, `critical_speeds`

@@ -69,16 +69,18 @@ def floquet_spectrum(basis: Matrix, image: Matrix) -> FloquetSpectrum:
 
 
 def orthonormal(block: Matrix) -> Matrix:
-    """Orthonormal basis of the columns with the signs that make R's diagonal positive: the same input, the
-    same bits.
+    """Orthonormal basis of the columns, with signs that make R's diagonal positive.
+
+    Equal input gives equal bits.
     """
     q, r = np.linalg.qr(block)
     return np.ascontiguousarray(q * np.where(np.diag(r) < 0.0, -1.0, 1.0))
 
 
 def deterministic_block(size: int, columns: int, first: int = 0) -> Matrix:
-    """Columns without structure, the same on every machine: fractional parts of a two-dimensional Weyl
-    sequence.
+    """Columns without structure that are equal on every machine.
+
+    Fractional parts of a two-dimensional Weyl sequence.
     """
     row = np.arange(1, size + 1)[:, None]
     column = np.arange(first + 1, first + columns + 1)[None, :]
@@ -88,9 +90,10 @@ def deterministic_block(size: int, columns: int, first: int = 0) -> Matrix:
 def starting_basis(
     period_map: PeriodMap, state: Vector, parameters: Vector, period: float, steps: int, options: BasisOptions
 ) -> Matrix:
-    """A slow basis from nothing: subspace iteration on a fixed block, enlarged until the smallest multiplier
-    is below the cut.  The identity, and so the plain Newton method, when the system is no larger than the
-    initial block.
+    """A slow basis without an earlier one, by subspace iteration on a fixed block.
+
+    The block is enlarged until the smallest multiplier is below the cut.  The identity, and so the plain
+    Newton method, when the system is no larger than the initial block.
     """
     size, sweeps = period_map.size, 3
     if size <= options.initial_columns:
@@ -109,7 +112,7 @@ def starting_basis(
 
 
 def wanted_columns(moduli: Vector, size: int, options: BasisOptions) -> int:
-    """Columns the slow basis should have, from the moduli of the multipliers it now gives.
+    """Number of columns that the slow basis should have, from the moduli of its multipliers.
 
     All above the cut plus the buffer.  When the smallest ones form a cluster (foil modes gather at exp(-T
     k_f/c_f)) only the isolated ones above it count: the cluster is left to the Picard sweeps.
@@ -130,7 +133,7 @@ def enlarge(basis: Matrix, columns: int) -> Matrix:
 
 
 def adapted_basis(basis: Matrix, image: Matrix, options: BasisOptions) -> Matrix:
-    """orth(M V) with as many columns as the multipliers ask for.
+    """orth(M V) with as many columns as the multipliers require.
 
     It shrinks onto the dominant Schur vectors, but only when more than the buffer would go, so that the size
     does not flicker from point to point.

@@ -1,14 +1,12 @@
-"""The machine as a dynamical system, and what a cycle of it looks like to an engineer: orbits, film, response
-envelope.
-"""
+"""The machine as a dynamical system, and its cycles in engineering terms: orbits, film, response envelope."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.scales import PARAMETERS
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine
@@ -16,12 +14,11 @@ from pipelines.machine.rates import BEARINGS, machine_rates, machine_tangent
 from pipelines.machine.shifted import factors_size, machine_factorise, machine_solve
 from pipelines.orbits.system import DynamicalSystem, ShiftedSolver
 
-Array = NDArray[np.float64]
-
 
 def machine_system(machine: Machine, forced: bool = True) -> DynamicalSystem:
-    """The machine for the period map; ``forced=False`` leaves the period unknown (rings at rest, self-excited
-    whirl).
+    """The machine for the period map.
+
+    ``forced=False`` leaves the period unknown (rings at rest, self-excited whirl).
     """
     grids = [(bearing.settings.nodes, bearing.settings.axial) for bearing in machine.bearings]
     return DynamicalSystem(
@@ -39,8 +36,9 @@ def machine_system(machine: Machine, forced: bool = True) -> DynamicalSystem:
 
 @dataclass(frozen=True)
 class CycleShape:
-    """A cycle seen from outside; film quantities in units of each bearing's clearance and of the ambient
-    pressure.
+    """A cycle in engineering terms.
+
+    Film quantities are in units of each bearing's clearance and of the ambient pressure.
     """
 
     orbit: Array
@@ -64,8 +62,9 @@ class CycleShape:
 def cycle_shape(
     machine: Machine, orbit: Array, parameters: Array, turns: int = 1, snapshots: int = 8
 ) -> CycleShape:
-    """Describe an orbit (samples, N or more) given at equal fractions of the period; ``turns`` forcing
-    periods long.
+    """Describe an orbit (samples, N or more) given at equal fractions of the period.
+
+    The period is ``turns`` forcing periods long.
     """
     extended, oscillator = orbit.shape[1] > machine.size, orbit[:, machine.size :]
     orbit = np.ascontiguousarray(orbit[:, : machine.size])
@@ -94,7 +93,7 @@ def cycle_shape(
 
 
 def unphysical(shape: CycleShape, minimum_film: float) -> str | None:
-    """A sentence if a cycle is not physical: a film too thin, or a pressure below vacuum."""
+    """Why a cycle is not physical, in a sentence: a film too thin, or a pressure below vacuum."""
     thickness, pressure = shape.film_trace.min(axis=0), shape.lowest_pressure
     thin, low = int(np.argmin(thickness)), int(np.argmin(pressure))
     if thickness[thin] < minimum_film:

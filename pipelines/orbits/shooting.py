@@ -46,7 +46,7 @@ _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newt
 
 
 class NewtonStop(Enum):
-    """Why the corrector stopped, with what to change."""
+    """Why the corrector stopped, with advice."""
 
     CONVERGED = "converged"
     ITERATIONS = (
@@ -149,20 +149,22 @@ class CycleProblem:
         return parameters
 
     def consistent(self, unknowns: Unknowns) -> Unknowns:
-        """The unknowns with the period of the forcing in a stroboscopic map; unchanged when T is unknown."""
+        """The unknowns with the forcing period in a stroboscopic map; unchanged if T is unknown."""
         if self.period_map.autonomous:
             return unknowns
         return replace(unknowns, period=self.period_map.period(self.parameters_at(unknowns.parameter)))
 
     def fixed_parameter(self, value: float) -> Constraint[Unknowns]:
-        """lambda = value."""
+        """The condition lambda = value."""
         return Constraint(Unknowns(np.zeros(self.period_map.size), 0.0, 1.0), value)
 
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The map and its derivatives at one point; ``swept`` (N, k) and ``swept_image`` hold q_x and M q_x of
-    the Picard part for x = r, phi_l and, when the period is unknown, phi_T.
+    """The map and its derivatives at one point.
+
+    ``swept`` (N, k) and ``swept_image`` hold q_x and M q_x of the Picard part for x = r, phi_l and, when
+    the period is unknown, phi_T.
     """
 
     image: PeriodImage
@@ -208,12 +210,12 @@ class Correction:
 
     @property
     def advice(self) -> str:
-        """Why the corrector stopped, with what to change."""
+        """Why the corrector stopped, and what to change."""
         return advice_of(self.stop, self.residual_norms)
 
 
 def advice_of(stop: NewtonStop, sizes: Sequence[float]) -> str:
-    """The advice of a stop, with the tolerance that rounding allows where it ended the iteration."""
+    """The advice of a stop, with the tolerance that rounding allows if rounding ended the iteration."""
     return f"{stop.advice} to {_SPARE * max(sizes[-3:]):.0e}" if stop is NewtonStop.ROUNDING else stop.advice
 
 
@@ -274,8 +276,10 @@ def is_rounding(
     reference: PhaseReference | None,
     sizes: Sequence[float],
 ) -> bool:
-    """Whether an iteration whose residuals had these ``sizes`` stagnates because of rounding at its ``place``
-    (state, parameters, period, steps): the last digits of the state change the residual by as much.
+    """Whether an iteration with residuals of these ``sizes`` stagnates because of rounding.
+
+    At its ``place`` (state, parameters, period, steps) the last digits of the state change the residual
+    by as much.
     """
     if len(sizes) < 2 or sizes[-1] < _STAGNANT * min(sizes[:-1]):
         return False
@@ -320,7 +324,7 @@ def tangent_at(
 def null_directions(
     problem: CycleProblem, cycle: Cycle, reference: PhaseReference | None = None
 ) -> tuple[Unknowns, Unknowns]:
-    """The two directions (ds, dT, dl) along which a cycle at a branch point stays one to first order.
+    """The two directions (ds, dT, dl) along which a branch-point cycle remains a cycle to first order.
 
     They span the null space of the system of the corrector without its closing row; elsewhere only one does.
     """
@@ -332,8 +336,10 @@ def null_directions(
 
 
 def _carried_over(last: Linearisation, basis: Matrix, image: PeriodImage) -> Linearisation:
-    """A linearisation with r = 0 and the Picard part of an earlier one with another basis W: of the vectors
-    x = q + W W'x the image M x = M q + M W (W'x) is known, and so is that of their part outside V.
+    """A linearisation with r = 0 and the Picard part of an earlier one with another basis W.
+
+    Of the vectors x = q + W W'x the image M x = M q + M W (W'x) is known, and so is the image of their
+    part outside V.
     """
     known = last.basis.T @ last.sources
     whole, whole_image = last.swept + last.basis @ known, last.swept_image + last.image.columns @ known
@@ -369,7 +375,7 @@ def first_basis(problem: CycleProblem, guess: Unknowns, steps: int) -> Matrix:
 
 
 def following_basis(problem: CycleProblem, cycle: Cycle) -> Matrix:
-    """The slow basis with which to look for the neighbours of a cycle."""
+    """The slow basis with which to correct the neighbours of a cycle."""
     return adapted_basis(cycle.basis, cycle.image.columns, problem.options.basis)
 
 
@@ -440,7 +446,7 @@ def _linearise(
 def _solve_bordered(
     problem: CycleProblem, linear: Linearisation, row: Unknowns, gap: float, phase: float
 ) -> Unknowns | None:
-    """The update (ds, dT, dl) of the small bordered system drawn at the head of this module."""
+    """The update (ds, dT, dl) of the small bordered system in this module's docstring."""
     columns = linear.basis.shape[1]
     matrix, right = _cycle_rows(problem, linear, phase)
     # row_s (V a + q) + row_l dl + row_T dT = -gap
@@ -457,7 +463,7 @@ def _solve_bordered(
 
 
 def _cycle_rows(problem: CycleProblem, linear: Linearisation, phase: float) -> tuple[Matrix, Vector]:
-    """The rows of that system that make a cycle, and their right side; unknowns (a, dl[, dT])."""
+    """The rows of the bordered system that make a cycle, and their right side; unknowns (a, dl[, dT])."""
     basis, columns = linear.basis, linear.basis.shape[1]
     reduced = basis.T @ (linear.sources + linear.swept_image)
     # V'(M - I)V a + V'(phi_l + M q_l) dl + V'(phi_T + M q_T) dT = -V'(r + M q_r)
@@ -494,7 +500,7 @@ def _settled(
     reference: PhaseReference | None,
     residual: float,
 ) -> Cycle:
-    """The converged cycle, after as many further subspace iterations as its multipliers need."""
+    """The converged cycle after as many further subspace iterations as its multipliers need."""
     options = problem.options
     spectrum = floquet_spectrum(basis, image.columns)
     for _ in range(options.multiplier_sweeps):

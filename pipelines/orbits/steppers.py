@@ -1,4 +1,4 @@
-"""Runge-Kutta steppers as data: a tableau, checked when built, with its stability.
+"""Runge-Kutta steppers as data: a tableau, checked when built, and its stability.
 
     k_i = f(tau + c_i h, s + h sum_j a_ij k_j),    s_next = s + h sum_i b_i k_i
 
@@ -68,7 +68,7 @@ class Stepper:
 
 @dataclass(frozen=True)
 class ImplicitStepper:
-    """A singly diagonally implicit method whose first stage is explicit and whose last one is the new point.
+    """A singly diagonally implicit method with an explicit first stage; the last stage is the new point.
 
     a is (stages, stages) with one ``gamma`` on its diagonal below the first row, c (stages,).  Raises
     ValueError when the tableau has another shape or its rows do not sum to c.
@@ -106,10 +106,9 @@ class ImplicitStepper:
 
     @cached_property
     def predictor(self) -> NDArray[np.float64]:
-        """Weights (stages, 2 stages) that extrapolate the slopes of the last step and of this one to each
-        stage.
+        """Weights (stages, 2 stages) that extrapolate the slopes of two steps to each stage.
 
-        Lagrange interpolation through the known abscissae that lie nearest.
+        Lagrange interpolation through the nearest known abscissae of the last step and of this one.
         """
         weights = np.zeros((self.stages, 2 * self.stages))
         for i in range(1, self.stages):
@@ -127,7 +126,7 @@ class ImplicitStepper:
 def _singly_implicit(
     name: str, order: int, rows: list[list[float]], abscissae: list[float]
 ) -> ImplicitStepper:
-    """``rows``: those of a below the first without their first entry, which follows from c."""
+    """A method from the ``rows`` of a below the first, without their first entry, which follows from c."""
     c = np.array(abscissae, dtype=float)
     a = np.zeros((len(c), len(c)))
     for i, row in enumerate(rows):

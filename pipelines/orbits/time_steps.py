@@ -1,4 +1,4 @@
-"""How many time steps a period needs, and what those in use leave in the multipliers.
+"""How many time steps a period needs, and the error of the multipliers with the steps in use.
 
 An explicit stepper needs at least as many as keep it stable, which the spectral radius along the orbit tells.
 The steps of both kinds follow from a tolerance on the Floquet multipliers.  With n and with n/2 steps of
@@ -51,8 +51,9 @@ _Mapped = Callable[[Matrix, int], Matrix | None]  # M block with a number of ste
 
 @dataclass(frozen=True)
 class StepDemand:
-    """``steps`` whose likely error meets the tolerance, and the ``error`` of the multipliers with those in
-    use that is told: NaN where it is unknown.
+    """The ``steps`` whose likely error meets the tolerance, and the reported ``error`` of the steps in use.
+
+    The error of the multipliers is NaN where it is unknown.
     """
 
     steps: int
@@ -60,7 +61,7 @@ class StepDemand:
 
 
 def first_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonStop:
-    """Steps per period with which to correct a guess that is not yet a cycle, or why there are none."""
+    """Steps per period for correcting a guess that is not yet a cycle, or why there are none."""
     period_map, guess = problem.period_map, problem.consistent(guess)
     parameters = problem.parameters_at(guess.parameter)
     if period_map.steps_per_period is not None:
@@ -80,8 +81,9 @@ def first_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonStop:
 
 
 def _first_stable_steps(period_map: PeriodMap, guess: Unknowns, parameters: Vector) -> int | NewtonStop:
-    """Steps that are stable along their own orbit: more until they are, beginning with what is stable at the
-    start.
+    """Steps that are stable along their own orbit.
+
+    Starting with what is stable at the first state, and increased until they are.
     """
     start = np.ascontiguousarray(guess.state[None, :])
     steps = _stable_steps(period_map, start, parameters, guess.period)
@@ -102,7 +104,7 @@ def _first_stable_steps(period_map: PeriodMap, guess: Unknowns, parameters: Vect
 
 
 def step_demand(problem: CycleProblem, cycle: Cycle) -> StepDemand:
-    """The steps that a corrected cycle asks for."""
+    """The number of steps that a corrected cycle needs."""
     at = cycle.unknowns
     return demand_at(
         problem.period_map, problem.options, at.state, cycle.parameters, at.period, cycle.steps, cycle.basis,
@@ -120,7 +122,7 @@ def demand_at(
     basis: Matrix,
     image: PeriodImage,
 ) -> StepDemand:
-    """The same from a periodic state and its pass with ``steps``, whose columns begin with ``basis``."""
+    """The demand from a periodic state and its pass with ``steps``, whose columns begin with ``basis``."""
     stable = 0
     if not isinstance(period_map.stepper, ImplicitStepper):
         stable = min(MOST_STEPS, _stable_steps(period_map, image.orbit, parameters, period))
@@ -147,8 +149,10 @@ def demand_at(
 
 
 def _errors(order: int, coarser: tuple[float, float], finer: tuple[float, float]) -> tuple[float, float]:
-    """The likely error and the one that is told, from the ratio of the steps and the change of the
-    multipliers with fewer steps (NaN where there is no such pass) and with more.
+    """The likely error and the reported error, from passes with other numbers of steps.
+
+    From the ratio of the steps and the change of the multipliers with fewer steps (NaN where there is no
+    such pass) and with more.
     """
     (fewer, halved), (more, refined) = coarser, finer
     same, bound = refined / (1.0 - more**-order), refined / (1.0 - 1.0 / more)
@@ -162,7 +166,7 @@ def _errors(order: int, coarser: tuple[float, float], finer: tuple[float, float]
 
 
 def _change(mapped: _Mapped, basis: Matrix, projected: Matrix, steps: int, modulus: float) -> float:
-    """Largest change of a multiplier above ``modulus`` with other ``steps``; infinite where those diverge."""
+    """Largest change of a multiplier above ``modulus`` with other ``steps``; infinite if those diverge."""
     columns = mapped(basis, steps)
     if columns is None:
         return math.inf
@@ -170,9 +174,10 @@ def _change(mapped: _Mapped, basis: Matrix, projected: Matrix, steps: int, modul
 
 
 def _cheap_change(mapped: _Mapped, basis: Matrix, projected: Matrix, steps: int, modulus: float) -> float:
-    """The same for the price of few columns: with bases R, L of the dominant invariant subspaces of H = V'MV
-    and of H', the multipliers of another M are, up to the square of the change, those of
-    (L'R)^-1 L'V'M V R.
+    """The largest change at the cost of few columns.
+
+    With bases R, L of the dominant invariant subspaces of H = V'MV and of H', the multipliers of another
+    M are, up to the square of the change, those of (L'R)^-1 L'V'M V R.
     """
     right, left = (_dominant(matrix, modulus) for matrix in (projected, projected.T))
     if right.shape[1] == 0:
@@ -191,8 +196,9 @@ def _dominant(matrix: Matrix, modulus: float) -> Matrix:
 
 
 def following_steps(problem: CycleProblem, steps: int, error: float) -> int:
-    """Steps for the next cycle: fewer when those in use leave far less than the tolerance, more when they
-    leave more.  An explicit stepper takes no fewer, because stability may ask for them.
+    """Steps for the next cycle: fewer if the error is far below the tolerance, more if it is above.
+
+    An explicit stepper takes no fewer, because stability may require them.
     """
     period_map, options = problem.period_map, problem.options
     if period_map.steps_per_period is not None or not math.isfinite(error):
@@ -217,7 +223,7 @@ def _stable_steps(period_map: PeriodMap, orbit: Matrix, parameters: Vector, peri
 
 
 def _largest_change(fine: Matrix, coarse: Matrix, modulus: float) -> float:
-    """From an eigenvalue above ``modulus`` of one projected monodromy matrix to the nearest of the other."""
+    """Largest distance from an eigenvalue above ``modulus`` of one matrix to those of the other."""
     found, other = np.linalg.eigvals(fine), np.linalg.eigvals(coarse)
     found = found[np.abs(found) > modulus]
     if found.size == 0:

@@ -25,20 +25,20 @@ class Combination:
         return state, phase, parameters
 
     def of(self, *parts: _Part) -> Self:
-        """One of the same kind with other parts."""
+        """A combination of the same class with other parts."""
         return type(self)(*parts)
 
     def plus(self, other: Self, factor: float = 1.0) -> Self:
-        """The sum with ``factor`` times another one."""
+        """The sum with ``factor`` times another combination."""
         pairs = zip(self.parts, other.parts, strict=True)
         return self.of(*(mine + factor * theirs for mine, theirs in pairs))
 
     def minus(self, other: Self) -> Self:
-        """The difference."""
+        """The difference to another combination."""
         return self.plus(other, -1.0)
 
     def scaled(self, factor: float) -> Self:
-        """A multiple."""
+        """The multiple by a factor."""
         return self.of(*(factor * part for part in self.parts))
 
     def dot(self, other: Self) -> float:
@@ -75,11 +75,11 @@ class Metric(Generic[Point]):
         return math.sqrt(self.inner(direction, direction))
 
     def unit(self, direction: Point) -> Point:
-        """A direction of length one."""
+        """A direction scaled to length one."""
         return direction.scaled(1.0 / self.norm(direction))
 
     def largest(self, direction: Point) -> float:
-        """The largest entry of a direction, phase and parameters by their weights."""
+        """The largest entry of a direction, with phase and parameters weighted."""
         state, phase, parameters = direction.parts
         scaled = math.sqrt(self.phase) * phase, np.sqrt(self.parameters) * parameters
         return max(float(np.max(np.abs(part))) for part in (state, *scaled))
@@ -93,7 +93,7 @@ class Constraint(Generic[Point]):
     value: float
 
     def gap(self, point: Point) -> float:
-        """row . u - value."""
+        """The residual row . u - value."""
         return self.row.dot(point) - self.value
 
     def error(self, point: Point) -> float:

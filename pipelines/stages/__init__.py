@@ -1,14 +1,14 @@
-"""Stages: a case in, groups of a store out; and the scheduling of many cases.
+"""Stages: compute groups of a store from a case, and schedule many cases.
 
-- results: what a stage tells while it runs and when it ends
+- results: progress reports and result of a stage
 - job: a case with its machine and its store
 - parameter_columns: parameters of a solution as columns, and back
-- step_errors: points whose error by the time steps is unknown
+- step_errors: points whose time-step error is unknown
 - ending: the reason why a branch or curve ended, and whether it is a success
 - linear: `agfb linearize` and `agfb criticals`
 - cycles: `agfb continue-cycles`: branches of cycles
 - curves: `agfb track-pd`, `track-ns`, `track-folds`, and the search of `agfb run` for the whole set
-- transients: `agfb transient`: runs in time and their analysis
+- transients: `agfb transient`: transients and their analysis
 - tori: `agfb continue-tori`: branches of tori
 - refinement: `--refine`: discretisation errors of bifurcations
 - calibration: `agfb calibrate`

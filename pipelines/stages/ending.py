@@ -1,4 +1,4 @@
-"""How branches and curves end: the reason in their group, and whether it is a success."""
+"""How branches and curves end: the reason stored in their group, and whether it counts as success."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipelines.datasets.records import ENDED, Group
 
 
 def stop_reasons(stops: Iterable[Enum]) -> frozenset[str]:
-    """The words that a store has for reasons to stop."""
+    """The reasons to stop as named in a store."""
     return frozenset(stop.name.lower() for stop in stops)
 
 
@@ -29,6 +29,6 @@ def store_end(branch: BranchWriter, result: Result[Any], further: str = "") -> N
 
 
 def is_success(group: Group, complete: Collection[Enum]) -> bool:
-    """Whether a branch or curve is complete, or only interrupted; one without a single point is a failure."""
+    """Whether a branch or curve is complete or merely interrupted; without a single point it is a failure."""
     ended = group.attributes["status"] == ENDED
     return not ended or (group.attributes["stop_reason"] in stop_reasons(complete) and group.n_points > 0)

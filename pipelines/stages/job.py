@@ -13,7 +13,7 @@ from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.reading import list_groups, metadata_stamp, read_group
 from pipelines.datasets.records import Group
-from pipelines.datasets.store import Store, open_for_writing
+from pipelines.datasets.store import Store, case_group, local_name, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.machine.condensation import master_freedoms
 from pipelines.machine.shaft import NODE_FREEDOMS
@@ -22,10 +22,11 @@ from pipelines.stages.results import Progress, Report, ShouldStop
 
 @dataclass(frozen=True)
 class Job:
-    """One stage on one case. `stage` is the name of the command that progress is told under."""
+    """One stage on one case; `stage` is the command named in progress reports."""
 
     stage: str
-    case: NamedCase
+    case_id: str
+    case: Case
     machine: Machine
     store: Store
     report: Report
@@ -36,22 +37,23 @@ class Job:
 
     @classmethod
     def of(
-        cls, stage: str, case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+        cls, stage: str, named_case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
     ) -> Job:
-        """The job of a stage's arguments."""
+        """The job from the arguments of a stage."""
         store = open_for_writing(store_path)
-        return cls(stage, case, build_machine(case.case), store, report, should_stop)
+        case = named_case.case
+        return cls(stage, named_case.case_id, case, build_machine(case), store, report, should_stop)
 
-    def tell(self, done: int, total: int | None, message: str) -> None:
-        """Report progress."""
-        self.report(Progress(self.stage, self.case.case_id, done, total, message))
+    def report_progress(self, done: int, total: int | None, message: str) -> None:
+        """Report how much is done."""
+        self.report(Progress(self.stage, self.case_id, done, total, message))
 
     def path(self, group: str) -> str:
         """Full name of one of the case's groups: cycles/b000 -> cases/kb10/cycles/b000."""
-        return f"cases/{self.case.case_id}/{group}"
+        return case_group(self.case_id, group)
 
     def read(self, group: str, names: Sequence[str] | None = None) -> Group:
-        """One of the case's groups, read again when something was committed to it since."""
+        """One of the case's groups, read again if something was committed to it since."""
         key = group, None if names is None else tuple(names)
         stamp = metadata_stamp(self.store, self.path(group))
         known = self._read.get(key)
@@ -61,7 +63,7 @@ class Job:
 
     def groups(self, *containers: str) -> list[str]:
         """The case's groups within containers such as cycles, pd or ns, sorted by name."""
-        known = (name.split("/", 2)[2] for name in list_groups(self.store, self.case.case_id))
+        known = (local_name(name) for name in list_groups(self.store, self.case_id))
         return [name for name in known if name.split("/")[0] in containers]
 
 
@@ -73,12 +75,12 @@ class Origin:
     event: int
 
     def as_dict(self) -> dict[str, str | int]:
-        """The origin as an attribute."""
+        """The origin as a group attribute."""
         return {"group": self.group, "event": self.event}
 
     @classmethod
     def of(cls, attributes: Mapping[str, object]) -> Origin | None:
-        """The origin among the attributes of a group; None when it has none."""
+        """The origin from the attributes of a group; None without one."""
         stored = attributes.get("origin")
         return cls(str(stored["group"]), int(stored["event"])) if isinstance(stored, dict) else None
 

@@ -1,4 +1,4 @@
-"""The parameters of a solution as columns of a store, and columns as parameters again.
+"""Parameters of a solution as columns of a store, and columns as parameters.
 
 A machine need not have all four: two rigid bearings have no foil stiffness, a passive machine may have no
 excitation frequency.  A store holds none (NaN, in attributes None) there; the equations take a stand-in.
@@ -9,18 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.scales import PARAMETERS
 from pipelines.machine.assembly import with_stand_ins
 
-Array = NDArray[np.float64]
-
 
 def parameter_columns(case: Case, parameters: Array, prefix: str = "") -> dict[str, float]:
-    """The four ``parameters`` of a solution by name, NaN for those that the machine of its case lacks."""
+    """The four ``parameters`` of a solution by name, NaN for those that the case's machine lacks."""
     own = case.parameters
     return {
         prefix + name: math.nan if math.isnan(known) else float(value)
@@ -29,11 +25,11 @@ def parameter_columns(case: Case, parameters: Array, prefix: str = "") -> dict[s
 
 
 def stored_parameters(arrays: Mapping[str, Array], row: int, prefix: str = "") -> Array:
-    """The four parameters of a row as the equations take them."""
+    """The four parameters of a row in the form of the equations."""
     return with_stand_ins([arrays[prefix + name][row] for name in PARAMETERS])
 
 
 def parameter_attributes(case: Case, parameters: Array) -> dict[str, float | None]:
-    """The same as JSON values."""
+    """The four ``parameters`` of a solution as JSON values."""
     columns = parameter_columns(case, parameters)
     return {name: None if math.isnan(value) else value for name, value in columns.items()}

@@ -1,4 +1,4 @@
-"""What a stage tells while it runs and when it ends: plain data, so that it crosses process borders."""
+"""Reports of a stage while it runs and when it ends: plain data that can cross process borders."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class StageResult:
     caution: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """The result as plain dictionaries and scalars, fit for JSON and for another process."""
+        """The result as plain dictionaries and scalars, for JSON and other processes."""
         return asdict(self) | {"summary": dict(self.summary)}
 
     @classmethod

@@ -1,6 +1,4 @@
-"""Points whose error by the time steps is unknown: how many, and what a stage, a list or a report tells of
-them.
-"""
+"""Points whose time-step error is unknown: their number, and its wording in stages, lists and reports."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ import numpy as np
 
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, local_name
 
 STEP_ERROR = "step_error"
 NAME = "time-step error unknown"
@@ -26,25 +24,25 @@ Count = tuple[int, int]
 
 
 def count(groups: Iterable[Group]) -> Count:
-    """Those of some branches and curves."""
+    """Number of such points of some branches and curves."""
     missing = [np.isnan(group[STEP_ERROR]) for group in groups]
     return sum(int(each.sum()) for each in missing), sum(each.size for each in missing)
 
 
 def count_in(store: Store, groups: Iterable[str]) -> Count:
-    """Those of some of a store's groups, by full name; other groups than branches and curves count nothing.
+    """Number of such points in some of a store's groups, by full name; only branches and curves count.
 
     Raises StoreError for one that cannot be read.
     """
-    held = (group for group in groups if group.split("/")[2] in _CONTAINERS)
+    held = (group for group in groups if local_name(group).split("/")[0] in _CONTAINERS)
     return count(read_group(store, group, (STEP_ERROR,)) for group in held)
 
 
-def told(found: Count) -> str:
-    """``for 3 of 20 points``; empty where the errors of all are known."""
+def in_words(found: Count) -> str:
+    """``for 3 of 20 points``; empty if all errors are known."""
     return "for {} of {} points".format(*found) if found[0] else ""
 
 
 def caution(found: Count) -> str:
-    """The same as a sentence with reason and advice."""
-    return f"{NAME} {told(found)}: {ADVICE}" if found[0] else ""
+    """The number of such points as a sentence with reason and advice."""
+    return f"{NAME} {in_words(found)}: {ADVICE}" if found[0] else ""

@@ -57,8 +57,8 @@ def test_neutral_saddles_are_told_apart() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kappa", "expected"), [(1.0, SpecialKind.R1), (-1.0, SpecialKind.R2), (-0.99, None), (0.3, None)]
+    ("cos_theta", "expected"), [(1.0, SpecialKind.R1), (-1.0, SpecialKind.R2), (-0.99, None), (0.3, None)]
 )
-def test_ends_of_a_neimark_sacker_curve(kappa: float, expected: SpecialKind | None) -> None:
-    assert resonant_end(NS, kappa) is expected
-    assert resonant_end(FLIP, kappa) is None
+def test_ends_of_a_neimark_sacker_curve(cos_theta: float, expected: SpecialKind | None) -> None:
+    assert resonant_end(NS, cos_theta) is expected
+    assert resonant_end(FLIP, cos_theta) is None

@@ -75,7 +75,7 @@ def test_neimark_sacker_curve_ends_on_the_fold_curve() -> None:
     up = trace(problem, begin, CurveOptions(((0.5, 5.0), (-2.0, 2.0))))
     assert up.result.stop is CurveStop.RESONANCE_1
     assert np.allclose(up.points[-1].parameters, [3.0, -1.0 / 3.0], rtol=0, atol=1e-8)
-    assert up.points[-1].kappa == pytest.approx(1.0, abs=1e-9)
+    assert up.points[-1].cos_theta == pytest.approx(1.0, abs=1e-9)
     # nothing follows the end, but the fold curve goes on both ways
     assert trace(problem, up.result.state, CurveOptions(((0.5, 5.0), (-2.0, 2.0)))).points == []
     joined = joined_curve(problem, up.specials[-1])

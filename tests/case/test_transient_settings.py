@@ -124,7 +124,7 @@ PLANES = "planes = [{node = 2, moment = 1.0}]\n"
         (RUN + 'start = "pd/c000"\n', "transient.start", "cycles/b000"),
         (RUN + 'start = "cases/other/cycles/b000"\n', "transient.start", "a group of the same case"),
         (RUN + "start_row = 1\n", "transient.start_row", "no meaning"),
-        (RUN + 'start = "transient/t000"\nangle = 1.0\n', "transient.angle", "its own angle"),
+        (RUN + 'start = "transient/t000"\nangle = 1.0\n', "transient.angle", "sets the angle"),
         (RUN + 'excitation = "switch_on"\n', "transient.switch_time", "is missing"),
         (RUN + "switch_time = 1.0\n", "transient.switch_time", "no meaning"),
         (

@@ -84,7 +84,7 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(config: Path)
     assert "no table [calibrate]" in done.stderr
     done = agfb("calibrate", "mine.toml", "-o", "a.zarr", "--write", "mine.toml")
     assert done.exit_code == ExitCode.USAGE
-    assert "there is a file already" in done.stderr
+    assert "this file exists already" in done.stderr
     swept = CONFIG.read_text() + TABLE + '[sweep]\n"excitation.displacement" = [0.1, 0.2]\n'
     Path("swept.toml").write_text(swept)
     done = agfb("calibrate", "swept.toml", "-o", "a.zarr", "--write", "b.toml")

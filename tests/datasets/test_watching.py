@@ -17,7 +17,7 @@ from agfb_cli.main import app
 from pipelines.datasets.branch import open_branch
 from pipelines.datasets.locking import GroupLock
 from pipelines.datasets.store import LockedStoreError, NotAStoreError, Store, move_aside
-from pipelines.datasets.watching import Progress, command_lock, commands, progress, watch
+from pipelines.datasets.watching import GroupTotals, command_lock, commands, totals, watch
 from tests.helpers.curves import empty_store
 from tests.helpers.synthetic import GROUP, LEAN, extend, open_or_create, static
 
@@ -58,9 +58,9 @@ def test_a_lock_left_by_a_killed_process(store: Store) -> None:
 
 def test_the_sum_of_a_case(finished: Path) -> None:
     now = (finished / GROUP / "zarr.json").stat().st_mtime + 60.0
-    found = progress(watch(finished, now))
-    assert found == Progress("ended", 0, 0, 2, 20, 40, pytest.approx(60.0, abs=30.0))
-    assert progress([]) == Progress("not begun", 0, 0, 0, 0, 0, None)
+    found = totals(watch(finished, now))
+    assert found == GroupTotals("ended", 0, 0, 2, 20, 40, pytest.approx(60.0, abs=30.0))
+    assert totals([]) == GroupTotals("not begun", 0, 0, 0, 0, 0, None)
 
 
 def test_a_command_is_seen_between_two_groups(store: Store) -> None:

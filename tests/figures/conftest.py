@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipelines.datasets.schema import KINDS
-from pipelines.figures.axes import Scales
+from pipelines.figures.axes import AxisScales
 from pipelines.figures.contents import CaseView, Table
 
 HELPER = Path(__file__).with_name("synthetic_store.py")
@@ -41,7 +41,7 @@ def labelled(kind, arrays):
 @pytest.fixture(scope="session")
 def view(synthetic):
     """A machine of two materials, one hollow part and a support in the middle."""
-    scales = Scales(rpm=18000.0, hertz=300.0, micrometres=20.0, stiffness=5.0)
+    scales = AxisScales(rpm=18000.0, hertz=300.0, micrometres=20.0, stiffness=5.0)
     machine = Table(synthetic.machine(hollow=True), {"material_names": ["steel", "titanium"]})
     return CaseView("kb10", "Invented numbers.", scales, machine)
 

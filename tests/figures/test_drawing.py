@@ -55,7 +55,7 @@ def test_figures_of_all_kinds_have_the_same_bytes_in_another_process(synthetic, 
     elsewhere = draw_elsewhere(store, tmp_path / "again", "svg", "machine campbell orbits film")
     said, before = [], dict(mpl.rcParams)
     wanted = [kind for kind, group in FIGURE_KINDS.items() if group != RUNS]
-    written = draw_figures(store, output, formats=("svg",), kinds=wanted, report=said.append)
+    written = draw_figures(store, output, formats=("svg",), kinds=wanted, notify=said.append)
     assert dict(mpl.rcParams) == before
     assert said == []
     kinds = [next(kind for kind in FIGURE_KINDS if path.stem.startswith(kind)) for path in written]
@@ -94,7 +94,7 @@ def test_missing_groups_and_arrays_are_reported(synthetic, tmp_path):
     synthetic.make_store(tmp_path / "store", 3, parts=("machine",))
     said = []
     written = draw_figures(
-        tmp_path / "store", tmp_path / "figures", kinds=tuple(FIGURE_KINDS), report=said.append
+        tmp_path / "store", tmp_path / "figures", kinds=tuple(FIGURE_KINDS), notify=said.append
     )
     assert [path.name for path in written] == ["machine.png"]
     assert len(said) == len(set(FIGURE_KINDS.values())) - 1  # one message for each kind of group
@@ -103,14 +103,14 @@ def test_missing_groups_and_arrays_are_reported(synthetic, tmp_path):
     assert told in said
     assert "kb10: linearization is left out: the store has no group 'linear' for this case" in said
     said.clear()
-    assert len(draw_figures(tmp_path / "store", tmp_path / "figures", report=said.append)) == 1
+    assert len(draw_figures(tmp_path / "store", tmp_path / "figures", notify=said.append)) == 1
     assert said == [], "nobody asked for the others"
 
 
 def test_a_tree_without_doubled_branches_is_told(synthetic, tmp_path):
     synthetic.make_store(tmp_path / "store", 3, parts=("machine", "cycles"))
     said = []
-    assert draw_figures(tmp_path / "store", tmp_path / "figures", kinds=["tree"], report=said.append) == []
+    assert draw_figures(tmp_path / "store", tmp_path / "figures", kinds=["tree"], notify=said.append) == []
     assert said == ["kb10: tree is left out: it has no branch of doubled cycles (continue_cycles.doublings)"]
 
 
@@ -121,7 +121,7 @@ def test_a_damaged_group_costs_its_own_figures_only(synthetic, tmp_path):
     told = []
     with pytest.raises(CorruptedError) as error:
         draw_figures(
-            tmp_path / "store", tmp_path / "out", kinds=["machine", "linearization"], report=told.append
+            tmp_path / "store", tmp_path / "out", kinds=["machine", "linearization"], notify=told.append
         )
     assert error.value.path == damaged
     assert [path.name for path in (tmp_path / "out").rglob("*.png")] == ["machine.png"]
@@ -132,7 +132,7 @@ def test_without_the_machine_its_figures_are_left_out_with_the_reason(synthetic,
     synthetic.make_store(tmp_path / "store", 3, parts=("cycles",))
     said = []
     kinds = ("machine", "bifurcation", "multipliers")
-    written = draw_figures(tmp_path / "store", tmp_path / "figures", kinds=kinds, report=said.append)
+    written = draw_figures(tmp_path / "store", tmp_path / "figures", kinds=kinds, notify=said.append)
     assert [path.name for path in written] == ["multipliers-b000.png"]  # needs no geometry
     assert "bearing_node" in said[1]
 

@@ -198,7 +198,7 @@ def test_files_of_every_run(tmp_path):
     synthetic_store.make_store(tmp_path / "store", 3, parts=("machine", "runs"))
     said = []
     kinds = [kind for kind, group in FIGURE_KINDS.items() if group == RUNS]
-    written = draw_figures(tmp_path / "store", tmp_path / "figures", kinds=kinds, report=said.append)
+    written = draw_figures(tmp_path / "store", tmp_path / "figures", kinds=kinds, notify=said.append)
     each = [f"{kind}-t00{n}.png" for kind in kinds if kind != "unbalance" for n in range(3)]
     assert {path.name for path in written} == {*each, "unbalance.png"}
     assert said == []

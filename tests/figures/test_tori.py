@@ -73,7 +73,7 @@ def test_each_origin_has_its_diagram_and_each_branch_its_section(synthetic, tmp_
     synthetic.write_tori(store, 5, "u000", unbalance=[[2, 1e-7, 0.0]])
     synthetic.write_tori(store, 0, "u001", unbalance=[[2, 1e-7, 0.0]])
     said = []
-    written = draw_figures(store, tmp_path / "out", kinds=("tori", "section"), report=said.append)
+    written = draw_figures(store, tmp_path / "out", kinds=("tori", "section"), notify=said.append)
     assert [path.name for path in written] == [
         "tori-speed.png",
         "tori-speed-unbalance.png",

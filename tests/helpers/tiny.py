@@ -45,15 +45,15 @@ class Watched:
     """
 
     def __init__(self, stage: str, case: NamedCase, store: Path, stop_after: int | None = None) -> None:
-        self.told: list[Progress] = []
+        self.reported: list[Progress] = []
         self._stop_after = stop_after
         prepare_store(store, [case], ["agfb", "test"])
-        self.result: StageResult = stage_function(stage)(case, store, self.told.append, self._should_stop)
+        self.result: StageResult = stage_function(stage)(case, store, self.reported.append, self._should_stop)
 
     @property
     def finished(self) -> int:
         """Units told as finished."""
-        return sum(progress.done > 0 for progress in self.told)
+        return sum(progress.done > 0 for progress in self.reported)
 
     def _should_stop(self) -> bool:
         return self._stop_after is not None and self.finished >= self._stop_after

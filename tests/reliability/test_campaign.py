@@ -119,7 +119,7 @@ def test_a_stopped_campaign_goes_on(tmp_path: Path, alone: Path, number: int, co
     process = start(tmp_path, PAIR, 2)
     os.kill(process.pid, number)
     assert forked.finish(process) == code, forked.messages(tmp_path)
-    assert "To go on" in forked.messages(tmp_path)
+    assert "To resume" in forked.messages(tmp_path)
     assert "Traceback" not in forked.messages(tmp_path)
     assert sum(points(tmp_path)) < 5 * len(CASES), "it stopped before the end"
     finish(tmp_path)
@@ -290,7 +290,7 @@ def test_the_first_signal_ends_what_waits_for_a_scheduler(tmp_path: Path, number
         os.kill(process.pid, number)
         assert forked.finish(process) == code, forked.messages(tmp_path)
         assert time.monotonic() - begin < campaign._CONNECTION_TIMEOUT - 3.0
-    assert "To go on" in forked.messages(tmp_path)
+    assert "To resume" in forked.messages(tmp_path)
 
 
 @contextmanager
@@ -373,7 +373,7 @@ def test_workers_that_die_while_they_start(
 def test_only_deaths_without_progress_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     committed = iter([4, 7, 7, 8, 8, 8])
     monkeypatch.setattr(campaign, "watch", lambda path: [])
-    monkeypatch.setattr(campaign, "progress", lambda states: SimpleNamespace(points=next(committed)))
+    monkeypatch.setattr(campaign, "totals", lambda states: SimpleNamespace(points=next(committed)))
     chain = campaign._Chain(tiny_case(), ["linearize"])
     nothing: Any = None
     run = campaign._Campaign(nothing, Pool(2), nothing, nothing, nothing, tmp_path, deque())

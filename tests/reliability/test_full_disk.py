@@ -154,7 +154,7 @@ def assert_resumes(folder: Path, undisturbed: Path, code: int, message: str) -> 
     assert error.startswith("error: ")
     assert error.endswith(message)
     assert str(folder) in error, "the file is named"
-    assert hint == "hint: make room; what was committed is kept; the same command goes on from there"
+    assert hint == "hint: make room; committed points are kept; the same command resumes"
     assert forked.run(folder, WORDS) == 0, forked.messages(folder)
     assert compare_trees(undisturbed, folder / STORE) == []
     assert verify(folder / STORE) == []

@@ -70,7 +70,7 @@ def test_the_first_signal_ends_the_run_at_a_commit(
     os.kill(process.pid, number)
     assert forked.finish(process) == code
     assert is_told(tmp_path, number)
-    assert "everything committed is in run.zarr. To go on:" in forked.messages(tmp_path)
+    assert "everything committed is in run.zarr. To resume:" in forked.messages(tmp_path)
     assert_resumes(tmp_path, undisturbed)
 
 

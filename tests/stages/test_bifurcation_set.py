@@ -14,7 +14,7 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
 from pipelines.stages.curves.bifurcation_set import Line, covered, lines_of_round, lowest_speed
 from pipelines.stages.curves.rows import CONTAINERS, traced
-from pipelines.stages.curves.starts import Fate, next_start, starts_of
+from pipelines.stages.curves.starts import StartQueue, starts_of
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.reports.operating_range import set_cautions
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
@@ -96,7 +96,7 @@ def test_an_interrupted_search_resumes_to_the_same_bytes(searched: Path, tmp_pat
     assert compare_trees(searched, path) == []
     assert verify(path) == []
     again = Watched("bifurcation_set", tiny_case(*WINDOW), path)
-    assert again.told == []
+    assert again.reported == []
 
 
 def test_rounds_halve_the_cells(searched: Path) -> None:
@@ -162,7 +162,7 @@ def test_kinds_that_are_not_asked_for_are_not_followed(tmp_path: Path) -> None:
     assert not (tmp_path / "a.zarr/cases/smoke/ns").exists()
     found = read_group(open_for_reading(tmp_path / "a.zarr"), "cases/smoke/bifurcation_set")
     assert found.attributes["kinds"] == ["period_doubling"]
-    assert any("folds were not followed" in told for told in set_cautions(found.attributes))
+    assert any("folds were not traced" in told for told in set_cautions(found.attributes))
 
 
 def test_an_incomplete_search_says_so() -> None:
@@ -182,9 +182,9 @@ def test_only_what_bounds_stable_cycles_may_be_followed(tmp_path: Path) -> None:
     counts = [sorted(branch["unstable_count"][row : row + 2].tolist()) for row in rows]
     assert counts == [[0, 2], [2, 4]]
     assert [start.bounds for start in starts] == [True, False]
-    beyond = {(kind, starts[0].origin): Fate.KNOWN}
-    assert next_start(at, (kind,), beyond, boundaries=True) is None
-    following = next_start(at, (kind,), beyond, boundaries=False)
+    on_a_curve = {(kind, starts[0].origin)}
+    assert StartQueue(at, (kind,), True, on_a_curve).next() is None
+    following = StartQueue(at, (kind,), False, on_a_curve).next()
     assert following is not None
     assert following.start.origin == starts[1].origin
 

@@ -110,7 +110,7 @@ def test_resuming_gives_the_same_bytes(tmp_path: Path, undisturbed: Path, stops:
 
 def test_an_ended_branch_is_not_computed_again(undisturbed: Path) -> None:
     again = Watched("continue_cycles", tiny_case(), undisturbed)
-    assert again.told == []
+    assert again.reported == []
     assert again.result.ok
     assert again.result.stop_reason == "range"
     assert again.result.summary["points"] == 5
@@ -122,7 +122,7 @@ def test_more_points_extend_a_branch(tmp_path: Path, undisturbed: Path) -> None:
     few = Watched("continue_cycles", tiny_case("continue_cycles.max_points=3"), path)
     assert few.result.stop_reason == "maximum_points"
     assert "max_points" in few.result.advice
-    assert Watched("continue_cycles", tiny_case("continue_cycles.max_points=3"), path).told == []
+    assert Watched("continue_cycles", tiny_case("continue_cycles.max_points=3"), path).reported == []
     more = Watched("continue_cycles", tiny_case(), path)
     assert more.finished == 2
     assert more.result.stop_reason == "range"

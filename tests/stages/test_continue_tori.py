@@ -117,7 +117,7 @@ def _circle(path: Path, rows: Group) -> PeriodCircle:
     """The map of the stored branch."""
     job = Job.of("continue-tori", tiny_case(*FEW_ANGLES), path, lambda _: None, lambda: False)
     fixed = dict(rows.attributes["fixed"])
-    cycles = forced_cycles(job.machine, job.case.case)[1]
+    cycles = forced_cycles(job.machine, job.case)[1]
     parameters = np.array([fixed.get(name, np.nan) for name in PARAMETERS])
     return PeriodCircle(cycles.period_map, parameters, "speed", int(rows["steps_per_period"][0]))
 
@@ -171,7 +171,7 @@ def test_resuming_gives_the_same_bytes(branched: Path, born: Path, tmp_path: Pat
 
 def test_an_ended_branch_is_left_alone_and_other_requests_are_refused(born: Path) -> None:
     again = Watched("continue_tori", tiny_case(*FEW_ANGLES), born)
-    assert again.told == []
+    assert again.reported == []
     assert again.result.ok
     with pytest.raises(OtherConfigurationError, match=r"'maximum_step': 0\.02"):
         Watched("continue_tori", tiny_case(*FEW_ANGLES, "continue_tori.maximum_step=0.02"), born)
@@ -280,7 +280,7 @@ def test_a_branch_ends_where_its_series_does_not_fall(branched: Path, tmp_path: 
     assert "raise continue_tori.max_angles or tolerance" in result.advice
     assert tori(path).n_points >= 1
     again = Watched("continue_tori", rough, path)
-    assert again.told == []
+    assert again.reported == []
 
 
 def test_the_whirl_is_the_strongest_frequency() -> None:

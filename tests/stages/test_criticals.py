@@ -17,7 +17,7 @@ from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import at_rest, machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
-from pipelines.stages.linear.criticals import _told, _without_equilibrium
+from pipelines.stages.linear.criticals import _missing_attributes, _without_equilibrium
 from pipelines.stages.results import StageResult
 from pipelines.stages.scheduling import registry, tasks
 from pipelines.stages.scheduling.preparation import prepare_store
@@ -91,14 +91,14 @@ def test_a_stopped_run_leaves_nothing_half_done(tmp_path: Path) -> None:
     resumed = Watched("criticals", case, tmp_path / "stopped.zarr")
     assert compare_trees(tmp_path / "undisturbed.zarr", tmp_path / "stopped.zarr") == []
     again = Watched("criticals", case, tmp_path / "stopped.zarr")
-    assert again.told == [], "what is finished is not computed again"
+    assert again.reported == [], "what is finished is not computed again"
     assert again.result == resumed.result
 
 
 def test_another_table_is_computed_anew(tmp_path: Path) -> None:
     Watched("criticals", tiny_case(), tmp_path / "a.zarr")
     other = tiny_case("criticals.points=5")
-    assert Watched("criticals", other, tmp_path / "a.zarr").told
+    assert Watched("criticals", other, tmp_path / "a.zarr").reported
     Watched("criticals", other, tmp_path / "fresh.zarr")
     folder = Path("cases/smoke/criticals")
     assert compare_trees(tmp_path / "a.zarr" / folder, tmp_path / "fresh.zarr" / folder) == []
@@ -149,7 +149,7 @@ def test_critical_speeds_that_may_be_lost_are_a_failure(tmp_path: Path) -> None:
     assert content.arrays["speed"][gone].min() > 0.1
     assert content.arrays["speed"][gone].max() < 0.21
     again = Watched("criticals", heavy(criticals=table), tmp_path / "a.zarr")
-    assert again.told == []
+    assert again.reported == []
     assert again.result == result
 
 
@@ -170,7 +170,7 @@ def test_a_gap_between_the_speeds_is_told(monkeypatch: pytest.MonkeyPatch) -> No
 
     modes = PrescribedModes(on_paths(close, lambda speed: complex(-0.05, 3.0)), lambda w: 0.7 < w < 0.75)
     diagram, critical = modes.critical_speeds(monkeypatch, (0.15, 1.5), 9)
-    told = _told(diagram, critical, np.linspace(0.15, 1.5, 9))
+    told = _missing_attributes(diagram, critical, np.linspace(0.15, 1.5, 9))
     assert told["speeds_without_equilibrium"] == []
     assert told["stop_reason"] == "some speeds have no equilibrium"
     assert re.match(r"between the speeds 0\.69\d+ and 0\.75\d+ there is no equil", told["stop_advice"])

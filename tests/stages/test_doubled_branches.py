@@ -116,7 +116,7 @@ def test_resuming_gives_the_same_bytes(doubled: Path, tmp_path: Path, stop: int)
     assert Watched("continue_cycles", tiny_case(*ACROSS), path).result.ok
     assert compare_trees(doubled, path) == []
     assert verify(path) == []
-    assert Watched("continue_cycles", tiny_case(*ACROSS), path).told == []
+    assert Watched("continue_cycles", tiny_case(*ACROSS), path).reported == []
 
 
 @pytest.mark.slow

@@ -34,7 +34,7 @@ def test_every_speed_has_its_equilibrium_and_its_eigenvalues(tmp_path: Path) -> 
     case = tiny_case()
     watched = Watched("linearize", case, tmp_path / "a.zarr")
     assert watched.result.ok
-    assert [progress.done for progress in watched.told] == list(range(1, 8))
+    assert [progress.done for progress in watched.reported] == list(range(1, 8))
     rows, machine = linear(tmp_path / "a.zarr").arrays, build_machine(case.case)
     assert rows["speed"].tolist() == np.linspace(0.7, 1.3, 7).tolist()
     for index, speed in enumerate(rows["speed"]):
@@ -132,7 +132,7 @@ def test_resuming_gives_the_same_bytes(tmp_path: Path, stops: list[int]) -> None
     assert resumed.finished == 7 - sum(stops)
     assert compare_trees(tmp_path / "undisturbed.zarr", tmp_path / "stopped.zarr") == []
     again = Watched("linearize", case, tmp_path / "stopped.zarr")
-    assert again.told == [], "what is finished is not computed again"
+    assert again.reported == [], "what is finished is not computed again"
     assert again.result == resumed.result
 
 

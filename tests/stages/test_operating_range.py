@@ -211,7 +211,7 @@ def test_where_no_stored_cycle_tells_the_lowest_speed_is_taken_as_stable() -> No
     found = ranged(curve("pd/c000", tongue, (-HALF, HALF)), samples=())
     assert {each.base for each in found.boundaries} == {"unset"}
     assert found.stretches()[1].highest == pytest.approx(0.9, abs=1e-5)
-    assert any("taken as stable" in caution for caution in found.cautions)
+    assert any("assumed stable" in caution for caution in found.cautions)
 
 
 def level(f: np.ndarray) -> np.ndarray:

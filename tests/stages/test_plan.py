@@ -76,7 +76,7 @@ def test_a_second_direction_and_doubled_branches_are_still_to_come(tmp_path: Pat
     assert longer.there is StageStatus.PARTIAL
     doubling = tiny_case("continue_cycles.doublings=1", "continue_cycles.direction='both'")
     found = planned(doubling, None, "continue_cycles")["continue_cycles"]
-    assert (found.most, found.note) == (40, "without branches of doubled cycles")
+    assert (found.most, found.note) == (40, "without period-doubled branches")
 
 
 def test_a_branch_that_cannot_start_has_failed(tmp_path: Path) -> None:

@@ -173,11 +173,11 @@ def test_a_refinement_goes_on_with_the_same_bytes(tmp_path: Path, traced: Path, 
     stopped = Watched("refine", one, path, stop_after=1)
     assert (stopped.result.stop_reason, stopped.finished) == ("stopped on request", 1)
     resumed = Watched("refine", one, path)
-    assert resumed.told[-1].done == resumed.told[-1].total == 3
+    assert resumed.reported[-1].done == resumed.reported[-1].total == 3
     assert compare_trees(refined, path) == []
     for case in (none, one):
         again = Watched("refine", case, path)
-        assert again.told == []
+        assert again.reported == []
         assert again.result == resumed.result
     with pytest.raises(OtherConfigurationError, match="request is"):
         Watched("refine", tiny_case(*CHEAP, "refine.factors=[1.5, 2.0]"), path)
@@ -254,7 +254,7 @@ def test_a_failure_is_a_row(tmp_path: Path, traced: Path, monkeypatch: pytest.Mo
     assert group.labels("status").tolist() == ["other_bifurcation"]
     assert group["failed_level"].tolist() == [0]
     assert np.all(np.isnan(group["error"]))
-    assert "the angle changes" in told.told[-1].message
+    assert "the angle changes" in told.reported[-1].message
 
 
 def test_without_a_clean_order_the_largest_difference_is_a_bound() -> None:

@@ -160,7 +160,7 @@ def test_nothing_is_traced_twice(joined: Path) -> None:
     """Not what is ended, and not R2 or the event from the other side."""
     for stage in ("track_ns", "track_pd", "track_folds"):
         again = Watched(stage, tiny_case(*PLANE), joined)
-        assert again.told == []
+        assert again.reported == []
         assert again.result.ok
     assert again.result.stop_reason == "no fold to start from"
 

@@ -107,7 +107,7 @@ def test_an_interrupted_run_resumes_to_the_same_bytes(tmp_path, everything, stop
 
 def test_a_finished_run_is_not_computed_again(tmp_path, everything):
     again = run(everything, *EVERYTHING)
-    assert again.told == []
+    assert again.reported == []
     assert again.result.stop_reason == "finished"
 
 
@@ -118,7 +118,7 @@ def test_another_request_makes_the_next_run(tmp_path):
     again = run(store, *SHORT)
     groups = [watched.result.summary["group"] for watched in (first, second, again)]
     assert groups == ["transient/t000", "transient/t001", "transient/t000"]
-    assert again.told == []
+    assert again.reported == []
     planes = read_group(open_for_reading(store), "cases/smoke/transient/t001", ("plane_node", "plane_moment"))
     case = tiny_case(*SHORT).case
     time = describe(store)["cases"]  # one store, two runs
@@ -209,7 +209,7 @@ def test_a_touching_journal_ends_the_run(tmp_path):
     assert np.min(found["checkpoint_extremes"][-1, :2]) < 0.1
     assert np.all(found["minimum_film"][:-2] >= 0.1)  # a step holds two samples at most
     assert verify(store) == []
-    assert run(store, *SHORT, *heavy).told == []
+    assert run(store, *SHORT, *heavy).reported == []
 
 
 def refused(store: Path, *overrides: str) -> CannotRunError:

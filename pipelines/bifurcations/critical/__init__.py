@@ -4,8 +4,8 @@
 - critical_cycles: test function, critical vectors and their derivatives
 - critical_pair: invariant plane of the critical pair of a Neimark-Sacker curve
 - testfunctions: test function of each kind of curve
-- bordering: bordering vectors: their start, and how they follow a curve
-- correction: what both correctors take and return
+- bordering: bordering vectors: their start, and their update along a curve
+- correction: input and result of both correctors
 - extended_system: corrector with the critical vectors as unknowns (Eq. 20, 21)
 - corrector: bordered corrector of a curve
 """

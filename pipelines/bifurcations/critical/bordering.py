@@ -1,4 +1,4 @@
-"""Bordering vectors of the test function: how they start, and how they follow a curve."""
+"""Bordering vectors of the test function: their start, and their update along a curve."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from pipelines.bifurcations.critical.critical_cycles import (
+    BorderingVectors,
     Critical,
-    Frame,
     Vectors,
     target_multiplier,
     with_period,
@@ -22,34 +22,36 @@ from pipelines.orbits.floquet import Complex, nontrivial, orthonormal
 from pipelines.orbits.system import Matrix
 
 
-def following_frame(basis: Matrix, critical: Critical) -> Frame:
-    """The frame that a point hands to the next one."""
+def next_bordering(basis: Matrix, critical: Critical) -> BorderingVectors:
+    """The bordering vectors for the next point of a curve."""
     if critical.right.shape[1] == 2:
         plane = orthonormal(critical.right)
-        return Frame(plane[:, 0].copy(), plane[:, 1].copy(), kappa=critical.kappa)
+        return BorderingVectors(plane[:, 0].copy(), plane[:, 1].copy(), cos_theta=critical.cos_theta)
     period = critical.right_period or 0.0
     size = math.hypot(float(np.linalg.norm(critical.right)), period)
     left_size = math.hypot(float(np.linalg.norm(critical.left)), critical.left_phase)
-    return Frame(
+    return BorderingVectors(
         critical.right[:, 0] / size,
         basis @ critical.left[:, 0] / left_size,
         period / size,
         critical.left_phase / left_size,
-        critical.kappa,
+        critical.cos_theta,
     )
 
 
-def vectors_of(frame: Frame, kind: EventKind) -> Vectors:
-    """The critical vectors of the last point, as a first guess for those of the next."""
+def vectors_of(bordering: BorderingVectors, kind: EventKind) -> Vectors:
+    """The critical vectors of the last point, as first guess at the next point."""
     if kind is EventKind.NEIMARK_SACKER:
-        return Vectors(np.column_stack([frame.right, frame.left]))
-    return Vectors(frame.right[:, None].copy(), frame.right_period)
+        return Vectors(np.column_stack([bordering.right, bordering.left]))
+    return Vectors(bordering.right[:, None].copy(), bordering.right_period)
 
 
-def first_frame(at: MapAt, basis: Matrix, angle: float | None = None) -> Frame | None:
-    """A frame from nothing: singular vectors of the critical matrix, or the invariant plane of the complex
-    pair nearest to the unit circle (nearest to exp(i angle) when the angle is given).  None when the pass
-    diverges or there is no pair.
+def first_bordering(at: MapAt, basis: Matrix, angle: float | None = None) -> BorderingVectors | None:
+    """The bordering vectors without any earlier point.
+
+    They are the singular vectors of the critical matrix, or the invariant plane of the complex pair nearest
+    to the unit circle (nearest to exp(i angle) when the angle is given).  None when the pass diverges or
+    there is no pair.
     """
     image = at.full_pass(basis)
     if not image.finite:
@@ -62,8 +64,8 @@ def first_frame(at: MapAt, basis: Matrix, angle: float | None = None) -> Frame |
         tail_right, tail_left = (float(vector[columns:].sum()) for vector in (right[-1], left[:, -1]))
         vector = basis @ right[-1][:columns]
         if with_period(at):
-            vector = vector + linear.swept.columns[:, -1] * linear.period_unit * tail_right
-        return Frame(
+            vector = vector + linear.picard.columns[:, -1] * linear.period_unit * tail_right
+        return BorderingVectors(
             vector, basis @ left[:columns, -1], tail_right, tail_left, target_multiplier(at.problem.kind)
         )
     projected = basis.T @ image.columns
@@ -72,7 +74,9 @@ def first_frame(at: MapAt, basis: Matrix, angle: float | None = None) -> Frame |
     if pair is None or plane is None:
         return None
     vectors = basis @ plane
-    return Frame(vectors[:, 0].copy(), vectors[:, 1].copy(), kappa=0.5 * float(np.sum(pair).real))
+    return BorderingVectors(
+        vectors[:, 0].copy(), vectors[:, 1].copy(), cos_theta=0.5 * float(np.sum(pair).real)
+    )
 
 
 def _starting_pair(projected: Matrix, angle: float | None, autonomous: bool) -> Complex | None:

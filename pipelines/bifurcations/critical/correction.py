@@ -92,14 +92,12 @@ class History:
 
     @property
     def stalls(self) -> bool:
-        """Whether the last step did not even halve the test function."""
+        """Whether the last step reduced the test function by less than half."""
         values = self.test_values
         return len(values) > 1 and abs(values[-1]) > _STALLED * abs(values[-2])
 
     def stuck(self, problem: CurveProblem) -> bool:
-        """Whether the last step stalls and none of the last few got on, the test function being not yet
-        small.
-        """
+        """Whether the last steps made no progress while the test function is not yet small."""
         sizes = [abs(value) for value in self.test_values]
         before, recent = sizes[:-_PATIENCE], sizes[-_PATIENCE:]
         if not before or min(sizes) <= problem.options.multiplier_tolerance:
@@ -108,12 +106,12 @@ class History:
 
     @property
     def diverged(self) -> bool:
-        """Whether the sum of both grew beyond recovery."""
+        """Whether the sum of residual and test function grew beyond recovery."""
         sizes = [r + abs(g) for r, g in zip(self.residual_norms, self.test_values, strict=True)]
         return sizes[-1] > max(1.0, _DIVERGENCE * min(sizes))
 
     def given_up(self, stop: NewtonStop, at: MapAt) -> CurveCorrection:
-        """The end of an iteration that did not converge, by rounding where that is why."""
+        """How an iteration ended that did not converge; rounding is named where it is the reason."""
         parameters = at.problem.parameters_at(at.position)
         place = at.position.state, parameters, at.position.period, at.steps
         rounding = is_rounding(at.problem.period_map, place, at.reference, self._sizes)

@@ -1,4 +1,4 @@
-"""The corrector of a bifurcation curve: the cycle, its criticality and the closing row together.
+"""The corrector of a bifurcation curve: cycle, criticality and closing row are solved together.
 
 It moves on the surface of cycles of ``pipelines.bifurcations.critical.cycle_manifold``: a step is the Newton
 correction towards the surface plus beta times the tangent ``across`` that leaves the closing row alone,
@@ -27,8 +27,8 @@ from pipelines.bifurcations.critical.correction import (
     following,
 )
 from pipelines.bifurcations.critical.critical_cycles import (
+    BorderingVectors,
     Critical,
-    Frame,
     Vectors,
     critical_derivatives,
     critical_pass,
@@ -51,7 +51,7 @@ def correct_critical(
     guess: Position,
     constraint: CurveConstraint,
     basis: Matrix,
-    frame: Frame,
+    bordering: BorderingVectors,
     steps: int,
     reference: PhaseReference | None,
 ) -> CurveCorrection:
@@ -64,12 +64,14 @@ def correct_critical(
         raise ValueError("an unknown period needs a phase reference")
     at = MapAt(problem, problem.consistent(guess), steps, reference)
     if problem.formulation is CurveFormulation.EXTENDED:
-        return correct_extended(at, constraint, basis, frame)
-    return _correct_bordered(at, constraint, basis, frame)
+        return correct_extended(at, constraint, basis, bordering)
+    return _correct_bordered(at, constraint, basis, bordering)
 
 
-def with_converged_multipliers(found: CriticalCycle, frame: Frame, tolerance: float) -> CriticalCycle:
-    """The same point after as many subspace iterations as its multipliers and left vectors need.
+def with_converged_multipliers(
+    found: CriticalCycle, bordering: BorderingVectors, tolerance: float
+) -> CriticalCycle:
+    """The point after as many subspace iterations as its multipliers and left vectors need.
 
     ``tolerance``: residual asked of every multiplier above ``checked_modulus``, with at most
     ``multiplier_sweeps`` passes; the point itself does not depend on the basis.
@@ -86,12 +88,14 @@ def with_converged_multipliers(found: CriticalCycle, frame: Frame, tolerance: fl
     if basis is found.basis:
         return found
     passed = swept_pass(at, basis, vectors, image, found.linear)
-    critical = critical_of(passed, frame)
+    critical = critical_of(passed, bordering)
     return found if critical is None else CriticalCycle(passed.linear, critical, found.gradient)
 
 
-def _correct_bordered(at: MapAt, constraint: CurveConstraint, basis: Matrix, frame: Frame) -> CurveCorrection:
-    history, vectors = History(), vectors_of(frame, at.problem.kind)
+def _correct_bordered(
+    at: MapAt, constraint: CurveConstraint, basis: Matrix, bordering: BorderingVectors
+) -> CurveCorrection:
+    history, vectors = History(), vectors_of(bordering, at.problem.kind)
     gradient, last = constraint.gradient, 0.0
     moved: Position | None = None
     linear: ManifoldLinearisation | None = None
@@ -99,7 +103,7 @@ def _correct_bordered(at: MapAt, constraint: CurveConstraint, basis: Matrix, fra
         passed = critical_pass(at, basis, vectors, linear)
         if passed is None:
             return history.ended(NewtonStop.NON_FINITE)
-        critical = critical_of(passed, frame)
+        critical = critical_of(passed, bordering)
         if critical is None:
             return history.ended(NewtonStop.SINGULAR)
         linear = passed.linear
@@ -145,7 +149,7 @@ def _measured(
     step: ManifoldStep,
     metric: PlaneMetric,
 ) -> Position:
-    """The gradient row made exact along both parts of the step, for the price of two pairs of passes."""
+    """The gradient row made exact along both parts of the step, at the cost of two pairs of passes."""
     across = metric.unit(step.across)
     rest = step.correction.plus(across, -metric.inner(across, step.correction))
     size = metric.norm(rest)

@@ -1,4 +1,4 @@
-"""What makes a cycle critical: its test function, the vectors that carry it and their derivatives.
+"""Criticality of a cycle: its test function, the critical vectors and their derivatives.
 
 The critical vectors R (N, m), M R = R A, travel with the slow basis V through every pass, because V is
 invariant only to the accuracy of its last update.  Derivatives of a test function act from the left with
@@ -16,10 +16,10 @@ import numpy as np
 from pipelines.bifurcations.critical.cycle_manifold import (
     RESIDUAL_TOLERANCE,
     ManifoldLinearisation,
-    Swept,
+    PicardColumns,
     linearise,
-    outside,
     period_unit,
+    project_out,
 )
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import MapAt, PlaneMetric, Position, map_slopes
@@ -30,12 +30,12 @@ _LEFT_TOLERANCE = 1e-5  # of the derivatives of a test function: they only steer
 
 
 @dataclass(frozen=True)
-class Frame:
-    """What the test function inherits from the last point of a curve.
+class BorderingVectors:
+    """What the test function takes over from the last point of a curve.
 
     ``right``, ``left`` (N,): unit null vectors, the bordering of the next point, with the parts
     ``right_period`` and ``left_phase`` of a cycle of unknown period; a Neimark-Sacker curve keeps an
-    orthonormal basis of the invariant plane in them and ``kappa`` = cos theta.  Period parts are in units of
+    orthonormal basis of the invariant plane in them, and ``cos_theta``.  Period parts are in units of
     ``cycle_manifold.period_unit``.
     """
 
@@ -43,7 +43,7 @@ class Frame:
     left: Vector
     right_period: float = 0.0
     left_phase: float = 0.0
-    kappa: float = 0.0
+    cos_theta: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Critical:
     slow part of the left vectors; ``weights`` (m, m): dg = sum(weights * (left' dM right));
     ``right_period``, ``left_phase``: parts of a fold of unknown period; ``alignment``: cosine between left
     and right null vector, which vanishes where a second multiplier joins (R1 on folds, R2 on period
-    doublings); ``kappa``: half the trace of A; ``error``: estimated error of g from what the basis leaves
+    doublings); ``cos_theta``: half the trace of A; ``error``: estimated error of g from what the basis leaves
     out.
     """
 
@@ -66,14 +66,15 @@ class Critical:
     right_period: float | None
     left_phase: float
     alignment: float
-    kappa: float
+    cos_theta: float
     error: float
 
 
 @dataclass(frozen=True)
 class Vectors:
-    """Critical vectors that travel with the basis: ``columns`` (N, m) and, for a fold of unknown period, the
-    ``period`` part.
+    """Critical vectors that are updated with the basis.
+
+    ``columns`` (N, m) and, for a fold of unknown period, the ``period`` part.
     """
 
     columns: Matrix
@@ -84,7 +85,7 @@ class Vectors:
 class CriticalPass:
     """A full pass with the critical vectors: the linearised surface, M ``vectors`` and their defect.
 
-    ``matrix`` (m, m): A; ``defect`` (N, m): M R - R A; ``swept``: its Picard part; ``phase_defect``: of the
+    ``matrix`` (m, m): A; ``defect`` (N, m): M R - R A; ``picard``: its Picard part; ``phase_defect``: of the
     phase row of a fold of unknown period.
     """
 
@@ -93,7 +94,7 @@ class CriticalPass:
     matrix: Matrix
     defect: Matrix
     phase_defect: float
-    swept: Swept
+    picard: PicardColumns
 
 
 def critical_pass(
@@ -107,9 +108,7 @@ def critical_pass(
 def swept_pass(
     at: MapAt, basis: Matrix, vectors: Vectors, image: PeriodImage, warm: ManifoldLinearisation | None = None
 ) -> CriticalPass:
-    """The sweeps that belong to a full pass with the columns [basis, vectors]; ``warm`` as in
-    ``linearise``.
-    """
+    """The Picard sweeps for a full pass with the columns [basis, vectors]; ``warm`` as in ``linearise``."""
     kind, columns = at.problem.kind, basis.shape[1]
     mapped = image.columns[:, columns:]
     phase = image.phase_columns[columns:]
@@ -127,8 +126,8 @@ def swept_pass(
         period = vectors.period * period_unit(at, image)
         defect = defect + image.inhomogeneous[:, -1:] * period
         phase_defect = float(phase[0] + image.phase_inhomogeneous[-1] * period)
-    linear, swept = linearise(at, basis, image, defect, np.linalg.inv(matrix), warm)
-    return CriticalPass(linear, vectors, matrix, defect, phase_defect, swept)
+    linear, picard = linearise(at, basis, image, defect, np.linalg.inv(matrix), warm)
+    return CriticalPass(linear, vectors, matrix, defect, phase_defect, picard)
 
 
 def target_multiplier(kind: EventKind) -> float:
@@ -142,10 +141,10 @@ def with_period(at: MapAt) -> bool:
 
 
 def basis_error(passed: CriticalPass, vectors: Matrix) -> float:
-    """The correction of the vectors is wrong by what V is not invariant and what the last sweep left."""
+    """The error of the vectors because V is not invariant and the last sweep left a remainder."""
     linear = passed.linear
     slow = linear.basis.T @ vectors
-    leak = np.linalg.norm(outside(linear.basis, linear.image.columns @ slow)) / np.linalg.norm(slow)
+    leak = np.linalg.norm(project_out(linear.basis, linear.image.columns @ slow)) / np.linalg.norm(slow)
     sweeps = 0.0 if slow.shape[0] == vectors.shape[0] else RESIDUAL_TOLERANCE
     return float(np.linalg.norm(passed.defect) / np.linalg.norm(vectors) * (leak + sweeps))
 
@@ -161,8 +160,9 @@ class CriticalDerivatives:
 def critical_derivatives(
     linear: ManifoldLinearisation, critical: Critical, directions: tuple[Position, ...], metric: PlaneMetric
 ) -> CriticalDerivatives:
-    """dg and d tr A along each direction, from one pair of passes with the m critical columns per
-    direction.
+    """dg and d tr A along each direction.
+
+    From one pair of passes with the m critical columns per direction.
     """
     count = critical.right.shape[1]
     weights = None
@@ -185,19 +185,19 @@ def left_products(
     if basis.shape[0] == basis.shape[1]:
         return np.asarray(total)
     inverse = np.linalg.inv(critical.matrix)
-    power, rest = inverse, outside(basis, columns)
+    power, rest = inverse, project_out(basis, columns)
     for _ in range(at.problem.options.picard_sweeps):
         passed = at.tangent(rest)
         term = critical.left.T @ (basis.T @ passed.columns) + critical.left_phase * passed.phase_columns
         total = total + power @ term
         if np.max(np.abs(power @ term)) <= tolerance * np.max(np.abs(total)):
             break
-        power, rest = inverse @ power, outside(basis, passed.columns)
+        power, rest = inverse @ power, project_out(basis, passed.columns)
     return np.asarray(total)
 
 
 def with_sharp_left(linear: ManifoldLinearisation, critical: Critical, tolerance: float) -> Critical:
-    """The same with left vectors that do not suffer from what V lacks to be invariant.
+    """The criticality with left vectors that do not inherit the error of the basis V.
 
     With R = Q M V, eliminating the part of L outside V from L'M = A L' leaves for Y = L'V, of shape (m, k),
 
@@ -213,14 +213,14 @@ def with_sharp_left(linear: ManifoldLinearisation, critical: Critical, tolerance
     count, inverse = len(critical.matrix), np.linalg.inv(critical.matrix)
     projected = basis.T @ linear.image.columns
     system = np.kron(np.eye(count), projected.T) - np.kron(critical.matrix, np.eye(columns))
-    rest, power = outside(basis, linear.image.columns), inverse
+    rest, power = project_out(basis, linear.image.columns), inverse
     for _ in range(linear.at.problem.options.multiplier_sweeps):
         passed = linear.at.tangent(rest).columns
         term = basis.T @ passed
         system += np.kron(power, term.T)
         if np.max(np.abs(term)) <= tolerance:
             break
-        rest, power = outside(basis, passed), inverse @ power
+        rest, power = project_out(basis, passed), inverse @ power
     slow = basis.T @ critical.right
     across = critical.left if count == 1 else slow
     wanted = across.T @ across if count == 1 else np.eye(count)

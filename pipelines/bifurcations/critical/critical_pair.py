@@ -1,8 +1,8 @@
-"""The critical pair of a Neimark-Sacker curve: an invariant plane that follows from the last one.
+"""The critical pair of a Neimark-Sacker curve: an invariant plane updated from point to point.
 
     M W = W A,    A (2, 2),    g = det A - 1 = mu_1 mu_2 - 1,    dg = tr(adj(A) L' dM W),    L'W = I
 
-The plane and the trace 2 kappa of A stay smooth through theta = 0 and pi, where eigenvectors do not.  With
+The plane and the trace 2 cos theta of A stay smooth at theta = 0 and pi, where eigenvectors do not.  With
 W = W_old + V a + q, closed by W_old'(W - W_old) = 0, Newton's method for a and A is
 
     | H a - a A   -V'W | | a  |     | V'(M W - W A)      |
@@ -14,7 +14,12 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from pipelines.bifurcations.critical.critical_cycles import Critical, CriticalPass, Frame, basis_error
+from pipelines.bifurcations.critical.critical_cycles import (
+    BorderingVectors,
+    Critical,
+    CriticalPass,
+    basis_error,
+)
 from pipelines.orbits.floquet import Complex
 from pipelines.orbits.system import Matrix
 
@@ -23,10 +28,10 @@ _SINGULAR = 1e12  # condition of L'W beyond which the planes do not belong toget
 _PAIR_TOLERANCE = 1e-12  # of the last change
 
 
-def invariant_pair(passed: CriticalPass, frame: Frame) -> Critical | None:
-    """The test function of a Neimark-Sacker point; None when the pair cannot be told from the others."""
+def invariant_pair(passed: CriticalPass, bordering: BorderingVectors) -> Critical | None:
+    """The test function of a Neimark-Sacker point; None if the pair cannot be separated from the others."""
     basis = passed.linear.basis
-    solved = _pair_in_basis(passed, np.column_stack([frame.right, frame.left]))
+    solved = _pair_in_basis(passed, np.column_stack([bordering.right, bordering.left]))
     if solved is None:
         return None
     vectors, matrix = solved
@@ -48,19 +53,20 @@ def invariant_pair(passed: CriticalPass, frame: Frame) -> Critical | None:
         right_period=None,
         left_phase=0.0,
         alignment=1.0,
-        kappa=0.5 * float(np.trace(matrix)),
+        cos_theta=0.5 * float(np.trace(matrix)),
         error=basis_error(passed, vectors),
     )
 
 
 def _pair_in_basis(passed: CriticalPass, fixed: Matrix) -> tuple[Matrix, Matrix] | None:
-    """W and A by Newton on a and A with the Picard part as it is: M W is known for every W = W_old + V a + q,
-    so that the iterations cost no passes.
+    """W and A by Newton's method on a and A, with the Picard part fixed.
+
+    M W is known for every W = W_old + V a + q, so that the iterations cost no passes.
     """
-    basis, swept = passed.linear.basis, passed.swept
+    basis, picard = passed.linear.basis, passed.picard
     columns = basis.shape[1]
-    vectors, matrix = passed.vectors.columns + swept.columns, passed.matrix
-    mapped = passed.defect + passed.vectors.columns @ matrix + swept.image
+    vectors, matrix = passed.vectors.columns + picard.columns, passed.matrix
+    mapped = passed.defect + passed.vectors.columns @ matrix + picard.image
     projected = basis.T @ passed.linear.image.columns
     constraint = fixed.T @ basis
     # the columns of V a that W_old'(W - W_old) = 0 fixes

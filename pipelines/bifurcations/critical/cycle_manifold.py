@@ -1,4 +1,4 @@
-"""Cycles over a plane of two parameters: the surface on which the bifurcation curves are drawn.
+"""Cycles over a plane of two parameters: the surface on which the bifurcation curves lie.
 
 The cycles near a point form a surface in the space of (s, T, lambda_1, lambda_2),
 
@@ -32,7 +32,7 @@ _NO_INFLUENCE = 0.1  # share of the corrector's tolerance below which a Picard c
 
 
 @dataclass(frozen=True)
-class Swept:
+class PicardColumns:
     """Solutions q (N, c) of q A = Q (M q + x), their images M q and phase rows F q (c,)."""
 
     columns: Matrix
@@ -40,7 +40,7 @@ class Swept:
     phase: Vector
 
 
-def sweep(
+def picard_iteration(
     at: MapAt,
     basis: Matrix,
     sources: Matrix,
@@ -48,7 +48,7 @@ def sweep(
     tolerance: float | Vector,
     guess: Matrix | None = None,
     sizes: float | Vector = 1.0,
-) -> Swept:
+) -> PicardColumns:
     """Picard sweeps q <- Q (M q + x) A^-1 outside the slow subspace; ``inverse`` (c, c) is A^-1.
 
     They converge like abs(mu_neglected / eigenvalue of A), until the change of every column is below its
@@ -57,22 +57,22 @@ def sweep(
     """
     zeros = np.zeros_like(sources)
     if basis.shape[0] == basis.shape[1]:
-        return Swept(zeros, zeros, np.zeros(sources.shape[1]))
+        return PicardColumns(zeros, zeros, np.zeros(sources.shape[1]))
     options = at.problem.options
-    swept = outside(basis, sources @ inverse if guess is None else guess)
+    picard = project_out(basis, sources @ inverse if guess is None else guess)
     enough = tolerance * np.linalg.norm(sources, axis=0) + _NO_INFLUENCE * options.tolerance * sizes
     image, phase = zeros, np.zeros(sources.shape[1])
     for _ in range(options.picard_sweeps):
-        passed = at.tangent(swept)
+        passed = at.tangent(picard)
         image, phase = passed.columns, passed.phase_columns
-        following = outside(basis, image + sources) @ inverse
-        if np.all(np.linalg.norm(following - swept, axis=0) <= enough):
+        following = project_out(basis, image + sources) @ inverse
+        if np.all(np.linalg.norm(following - picard, axis=0) <= enough):
             break
-        swept = following
-    return Swept(swept, image, phase)
+        picard = following
+    return PicardColumns(picard, image, phase)
 
 
-def outside(basis: Matrix, columns: Matrix) -> Matrix:
+def project_out(basis: Matrix, columns: Matrix) -> Matrix:
     """Q x = x - V V'x."""
     return np.asarray(columns - basis @ (basis.T @ columns))
 
@@ -81,18 +81,18 @@ def outside(basis: Matrix, columns: Matrix) -> Matrix:
 class ManifoldLinearisation:
     """The map and its derivatives at a position near the surface of cycles.
 
-    ``sources`` (N, 3 or 4): r, phi_1, phi_2 and phi_T; ``swept``: their Picard parts.
+    ``sources`` (N, 3 or 4): r, phi_1, phi_2 and phi_T; ``picard``: their Picard parts.
     """
 
     at: MapAt
     basis: Matrix
     image: PeriodImage
     sources: Matrix
-    swept: Swept
+    picard: PicardColumns
 
     @property
     def residual(self) -> float:
-        """Of the cycle, as in ``PeriodMap.residual``."""
+        """Residual of the cycle, as in ``PeriodMap.residual``."""
         return self.at.problem.period_map.residual(self.at.position.state, self.image)
 
     @property
@@ -102,12 +102,12 @@ class ManifoldLinearisation:
 
     @property
     def period_unit(self) -> float:
-        """As the function."""
+        """The function `period_unit` for this position."""
         return period_unit(self.at, self.image)
 
 
 def period_unit(at: MapAt, image: PeriodImage) -> float:
-    """The change of the period that counts like one of the state where one vector holds both."""
+    """The change of the period that counts like a change of the state by one in a common vector."""
     return at.position.period / (2.0 * math.pi * at.problem.period_map.scale(image.orbit))
 
 
@@ -118,44 +118,45 @@ def linearise(
     defect: Matrix,
     inverse: Matrix,
     warm: ManifoldLinearisation | None = None,
-) -> tuple[ManifoldLinearisation, Swept]:
-    """The Picard parts that belong to a full pass, and in the same sweeps those of a ``defect`` (N, m) of
-    critical vectors: q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
+) -> tuple[ManifoldLinearisation, PicardColumns]:
+    """The Picard parts for a full pass and for a ``defect`` (N, m) of critical vectors, in common sweeps.
 
-    ``warm``: the last linearisation, whose q_j are first guesses.  The residual and the defect are swept less
-    sharply than the derivatives: what is left of them is corrected in the next iteration.
+    The defect's part solves q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
+
+    ``warm``: the last linearisation, whose q_j are first guesses.  The Picard iteration of the residual
+    and of the defect ends earlier than that of the derivatives: the next correction takes what is left.
     """
     sources = np.column_stack([image.state - at.position.state, image.inhomogeneous])
-    count, riders = sources.shape[1], defect.shape[1]
-    both = np.eye(count + riders)
+    count, defects = sources.shape[1], defect.shape[1]
+    both = np.eye(count + defects)
     both[count:, count:] = inverse
-    tolerances = np.full(count + riders, RESIDUAL_TOLERANCE)
+    tolerances = np.full(count + defects, RESIDUAL_TOLERANCE)
     tolerances[1:count] = at.problem.options.picard_tolerance
     together = np.hstack([sources, defect])
     guess = None
     if warm is not None:
         guess = together @ both
-        guess[:, 1:count] = warm.swept.columns[:, 1:]
-    sizes = np.full(count + riders, at.problem.period_map.scale(image.orbit))
+        guess[:, 1:count] = warm.picard.columns[:, 1:]
+    sizes = np.full(count + defects, at.problem.period_map.scale(image.orbit))
     sizes[count:] = 1.0
-    swept = sweep(at, basis, together, both, tolerances, guess, sizes)
-    surface = Swept(swept.columns[:, :count], swept.image[:, :count], swept.phase[:count])
-    rest = Swept(swept.columns[:, count:], swept.image[:, count:], swept.phase[count:])
+    picard = picard_iteration(at, basis, together, both, tolerances, guess, sizes)
+    surface = PicardColumns(picard.columns[:, :count], picard.image[:, :count], picard.phase[:count])
+    rest = PicardColumns(picard.columns[:, count:], picard.image[:, count:], picard.phase[count:])
     return ManifoldLinearisation(at, basis, image, sources, surface), rest
 
 
 def manifold_rows(linear: ManifoldLinearisation) -> tuple[Matrix, Vector]:
     """Matrix and right side of the periodicity (and phase) rows; unknowns (a, dl_1, dl_2[, dT])."""
-    basis, image, swept = linear.basis, linear.image, linear.swept
+    basis, image, picard = linear.basis, linear.image, linear.picard
     # V'(M - I)V a + V'(phi_j + M q_j) dl_j + V'(phi_T + M q_T) dT = -V'(r + M q_r)
-    reduced = basis.T @ (linear.sources + swept.image)
+    reduced = basis.T @ (linear.sources + picard.image)
     matrix = np.hstack([basis.T @ image.columns - np.eye(basis.shape[1]), reduced[:, 1:]])
     right = -reduced[:, 0]
     if linear.at.problem.period_map.autonomous:
         # F V a + (F_j + F q_j) dl_j + (F_T + F q_T) dT = -(F + F q_r)
-        row = np.concatenate([image.phase_columns, image.phase_inhomogeneous + swept.phase[1:]])
+        row = np.concatenate([image.phase_columns, image.phase_inhomogeneous + picard.phase[1:]])
         matrix = np.vstack([matrix, row])
-        right = np.append(right, -image.phase - swept.phase[0])
+        right = np.append(right, -image.phase - picard.phase[0])
     return matrix, right
 
 
@@ -164,14 +165,15 @@ def position_of(linear: ManifoldLinearisation, solution: Vector, with_residual: 
     columns = linear.basis.shape[1]
     weights = np.concatenate([[1.0 if with_residual else 0.0], solution[columns:]])
     period = float(solution[columns + 2]) if linear.at.problem.period_map.autonomous else 0.0
-    state = linear.basis @ solution[:columns] + linear.swept.columns @ weights
+    state = linear.basis @ solution[:columns] + linear.picard.columns @ weights
     return Position(state, period, solution[columns : columns + 2].copy())
 
 
 @dataclass(frozen=True)
 class ManifoldStep:
-    """The Newton correction towards the surface and its tangents with row_i . tangent_j = 1 for i = j, else
-    0.
+    """The Newton correction towards the surface, and its tangents.
+
+    row_i . tangent_j = 1 for i = j, else 0.
     """
 
     correction: Position
@@ -182,20 +184,18 @@ class ManifoldStep:
 def manifold_step(
     linear: ManifoldLinearisation, rows: tuple[Position, Position], gaps: tuple[float, float]
 ) -> ManifoldStep | None:
-    """Solve the system drawn at the head of this module for its three right sides; None when it is
-    singular.
-    """
+    """Solve the system in this module's docstring for its three right sides; None if it is singular."""
     matrix, right = manifold_rows(linear)
-    basis, swept = linear.basis, linear.swept.columns
+    basis, picard = linear.basis, linear.picard.columns
     given = len(right)
     constraint = np.zeros((2, matrix.shape[1]))
     sides = np.zeros((given + 2, 3))
     sides[:given, 0] = right
     for i, row in enumerate(rows):
         # row_s (V a + q) + row_j dl_j + row_T dT = -gap
-        direct = np.append(row.parameters, row.period)[: swept.shape[1] - 1]
-        constraint[i] = np.concatenate([row.state @ basis, direct + row.state @ swept[:, 1:]])
-        sides[given + i, 0] = -gaps[i] - row.state @ swept[:, 0]
+        direct = np.append(row.parameters, row.period)[: picard.shape[1] - 1]
+        constraint[i] = np.concatenate([row.state @ basis, direct + row.state @ picard[:, 1:]])
+        sides[given + i, 0] = -gaps[i] - row.state @ picard[:, 0]
         sides[given + i, 1 + i] = 1.0
     try:
         solution = np.asarray(np.linalg.solve(np.vstack([matrix, constraint]), sides), dtype=np.float64)
@@ -211,7 +211,7 @@ def manifold_step(
 
 
 def manifold_tangents(linear: ManifoldLinearisation, metric: PlaneMetric) -> tuple[Position, Position]:
-    """Two orthonormal tangents of the surface without any closing row: the null space of its rows."""
+    """Two orthonormal tangents of the surface without a closing row: the null space of its rows."""
     matrix, _ = manifold_rows(linear)
     _, _, right = np.linalg.svd(matrix)
     first, second = (position_of(linear, vector, False) for vector in right[-2:])

@@ -29,18 +29,18 @@ from pipelines.bifurcations.critical.correction import (
     following,
 )
 from pipelines.bifurcations.critical.critical_cycles import (
+    BorderingVectors,
     Critical,
     CriticalPass,
-    Frame,
     Vectors,
     critical_pass,
 )
 from pipelines.bifurcations.critical.cycle_manifold import (
     ManifoldLinearisation,
     ManifoldStep,
-    Swept,
+    PicardColumns,
     manifold_step,
-    sweep,
+    picard_iteration,
 )
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.detection import EventKind
@@ -49,13 +49,15 @@ from pipelines.orbits.shooting import NewtonStop
 from pipelines.orbits.system import Matrix, Vector
 
 
-def correct_extended(at: MapAt, constraint: CurveConstraint, basis: Matrix, frame: Frame) -> CurveCorrection:
+def correct_extended(
+    at: MapAt, constraint: CurveConstraint, basis: Matrix, bordering: BorderingVectors
+) -> CurveCorrection:
     """Newton's method for position, critical vectors and angle together, from the bordered solution."""
     history, kind = History(), at.problem.kind
-    opening = critical_pass(at, basis, vectors_of(frame, kind))
+    opening = critical_pass(at, basis, vectors_of(bordering, kind))
     if opening is None:
         return history.ended(NewtonStop.NON_FINITE)
-    critical = critical_of(opening, frame)
+    critical = critical_of(opening, bordering)
     if critical is None:
         return history.ended(NewtonStop.SINGULAR)
     vectors, angle = _first_vectors(critical)
@@ -73,7 +75,7 @@ def correct_extended(at: MapAt, constraint: CurveConstraint, basis: Matrix, fram
         size = float(np.max(np.abs(defect)) / np.max(np.abs(vectors)))
         history = history.and_then(max(linear.residual, constraint.error(at.position)), size)
         if history.converged(at.problem, 0.0):
-            critical = critical_of(passed, frame)
+            critical = critical_of(passed, bordering)
             if critical is None:
                 return history.ended(NewtonStop.SINGULAR)
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, constraint.gradient))
@@ -94,7 +96,7 @@ def correct_extended(at: MapAt, constraint: CurveConstraint, basis: Matrix, fram
 
 
 def _mapped(opening: CriticalPass, vectors: Matrix) -> CriticalPass:
-    """The opening pass with other critical vectors, for the price of their columns alone."""
+    """The first pass with other critical vectors, at the cost of their columns alone."""
     mapped = opening.linear.at.tangent(vectors).columns
     return replace(opening, vectors=Vectors(vectors), defect=mapped - vectors @ opening.matrix)
 
@@ -136,7 +138,7 @@ def _extended_step(
     step: ManifoldStep,
     metric: PlaneMetric,
 ) -> _ExtendedStep | None:
-    """The Newton step of (R, theta, beta) drawn at the head of this module, R = V Y + q."""
+    """The Newton step of (R, theta, beta) for the system in this module's docstring, R = V Y + q."""
     at, basis, kind = linear.at, linear.basis, linear.at.problem.kind
     count, columns = vectors.shape[1], basis.shape[1]
     matrix, derivative = _rotation(kind, angle)
@@ -148,15 +150,15 @@ def _extended_step(
         parts.append(-vectors @ derivative)
     inverse = np.kron(np.eye(len(parts)), np.linalg.inv(matrix))
     sources = np.hstack(parts)
-    swept = sweep(at, basis, sources, inverse, at.problem.options.picard_tolerance)
-    solution = _solve_slow(linear, matrix, sources, swept, _normalisations(vectors, reference))
+    picard = picard_iteration(at, basis, sources, inverse, at.problem.options.picard_tolerance)
+    solution = _solve_slow(linear, matrix, sources, picard, _normalisations(vectors, reference))
     if solution is None:
         return None
     size = count * columns
     factors = [1.0, *solution[size:]]
     slow = basis @ solution[:size].reshape(count, columns).T
-    swept_parts = np.hsplit(swept.columns, len(parts))
-    change = slow + sum(factor * part for factor, part in zip(factors, swept_parts, strict=True))
+    picard_parts = np.hsplit(picard.columns, len(parts))
+    change = slow + sum(factor * part for factor, part in zip(factors, picard_parts, strict=True))
     turn = float(solution[size + 1]) if count == 2 else 0.0
     return _ExtendedStep(np.asarray(change), turn, float(solution[size]))
 
@@ -175,7 +177,7 @@ def _solve_slow(
     linear: ManifoldLinearisation,
     matrix: Matrix,
     sources: Matrix,
-    swept: Swept,
+    picard: PicardColumns,
     rows: list[tuple[Matrix, float]],
 ) -> Vector | None:
     """(H Y - Y A) + V'(x_0 + M q_0) + sum_i factor_i V'(x_i + M q_i) = 0 with the normalising rows.
@@ -186,8 +188,8 @@ def _solve_slow(
     columns = basis.shape[1]
     size, blocks = count * columns, sources.shape[1] // count
     projected = basis.T @ linear.image.columns
-    shares = [part.T.ravel() for part in np.hsplit(basis.T @ (sources + swept.image), blocks)]
-    swept_parts = np.hsplit(swept.columns, blocks)
+    shares = [part.T.ravel() for part in np.hsplit(basis.T @ (sources + picard.image), blocks)]
+    picard_parts = np.hsplit(picard.columns, blocks)
     system = np.zeros((size + len(rows), size + blocks - 1))
     right = np.zeros(size + len(rows))
     system[:size, :size] = np.kron(np.eye(count), projected) - np.kron(matrix.T, np.eye(columns))
@@ -195,8 +197,8 @@ def _solve_slow(
     right[:size] = -shares[0]
     for i, (row, value) in enumerate(rows):
         system[size + i, :size] = (basis.T @ row).T.ravel()
-        system[size + i, size:] = [float(np.sum(row * part)) for part in swept_parts[1:]]
-        right[size + i] = value - float(np.sum(row * swept_parts[0]))
+        system[size + i, size:] = [float(np.sum(row * part)) for part in picard_parts[1:]]
+        right[size + i] = value - float(np.sum(row * picard_parts[0]))
     try:
         solution = np.linalg.solve(system, right)
     except np.linalg.LinAlgError:

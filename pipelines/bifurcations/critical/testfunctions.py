@@ -23,9 +23,9 @@ import math
 import numpy as np
 
 from pipelines.bifurcations.critical.critical_cycles import (
+    BorderingVectors,
     Critical,
     CriticalPass,
-    Frame,
     basis_error,
     target_multiplier,
     with_period,
@@ -36,23 +36,23 @@ from pipelines.bifurcations.detection import EventKind
 from pipelines.orbits.system import Matrix
 
 
-def critical_of(passed: CriticalPass, frame: Frame) -> Critical | None:
+def critical_of(passed: CriticalPass, bordering: BorderingVectors) -> Critical | None:
     """The test function of the problem's kind; None when its bordered matrix is singular."""
     if passed.linear.at.problem.kind is EventKind.NEIMARK_SACKER:
-        return invariant_pair(passed, frame)
-    return _bordered(passed, frame)
+        return invariant_pair(passed, bordering)
+    return _bordered(passed, bordering)
 
 
-def _bordered(passed: CriticalPass, frame: Frame) -> Critical | None:
-    linear, swept = passed.linear, passed.swept
+def _bordered(passed: CriticalPass, bordering: BorderingVectors) -> Critical | None:
+    linear, picard = passed.linear, passed.picard
     matrix, basis = critical_matrix(linear), linear.basis
     size, columns = len(matrix), basis.shape[1]
-    border = np.append(basis.T @ frame.left, frame.left_phase)[:size]
-    constraint = np.append(basis.T @ frame.right, frame.right_period)[:size]
+    border = np.append(basis.T @ bordering.left, bordering.left_phase)[:size]
+    constraint = np.append(basis.T @ bordering.right, bordering.right_period)[:size]
     system = np.block([[matrix, border[:, None]], [constraint[None, :], np.zeros((1, 1))]])
     old = passed.vectors
-    rest = np.append(basis.T @ (passed.defect + swept.image), passed.phase_defect + swept.phase[0])[:size]
-    gap = frame.right @ (old.columns + swept.columns)[:, 0] + frame.right_period * old.period - 1.0
+    rest = np.append(basis.T @ (passed.defect + picard.image), passed.phase_defect + picard.phase[0])[:size]
+    gap = bordering.right @ (old.columns + picard.columns)[:, 0] + bordering.right_period * old.period - 1.0
     try:
         update = np.linalg.solve(system, -np.append(rest, gap))
         left = np.linalg.solve(system.T, np.append(np.zeros(size), 1.0))
@@ -60,11 +60,11 @@ def _bordered(passed: CriticalPass, frame: Frame) -> Critical | None:
         return None
     if not (np.all(np.isfinite(update)) and np.all(np.isfinite(left))):
         return None
-    vector = old.columns[:, 0] + basis @ update[:columns] + swept.columns[:, 0]
+    vector = old.columns[:, 0] + basis @ update[:columns] + picard.columns[:, 0]
     period = None
     if size > columns:
         period = old.period + float(update[columns])
-        vector = vector + linear.swept.columns[:, -1] * linear.period_unit * update[columns]
+        vector = vector + linear.picard.columns[:, -1] * linear.period_unit * update[columns]
     slow = np.append(basis.T @ vector, period or 0.0)[:size]
     lengths = math.hypot(float(np.linalg.norm(vector)), period or 0.0) * np.linalg.norm(left[:size])
     return Critical(
@@ -76,17 +76,17 @@ def _bordered(passed: CriticalPass, frame: Frame) -> Critical | None:
         right_period=period,
         left_phase=float(left[columns]) if size > columns else 0.0,
         alignment=float(slow @ left[:size] / lengths),
-        kappa=float(passed.matrix[0, 0]),
+        cos_theta=float(passed.matrix[0, 0]),
         error=basis_error(passed, vector[:, None]),
     )
 
 
 def critical_matrix(linear: ManifoldLinearisation) -> Matrix:
     """H - sigma I, bordered by phi_T and the phase condition for a fold of unknown period."""
-    basis, image, swept = linear.basis, linear.image, linear.swept
+    basis, image, picard = linear.basis, linear.image, linear.picard
     matrix = basis.T @ image.columns - target_multiplier(linear.at.problem.kind) * np.eye(basis.shape[1])
     if not with_period(linear.at):
         return np.asarray(matrix)
-    column = linear.period_unit * (basis.T @ (linear.sources[:, -1] + swept.image[:, -1]))
-    corner = linear.period_unit * (image.phase_inhomogeneous[-1] + swept.phase[-1])
+    column = linear.period_unit * (basis.T @ (linear.sources[:, -1] + picard.image[:, -1]))
+    corner = linear.period_unit * (image.phase_inhomogeneous[-1] + picard.phase[-1])
     return np.block([[matrix, column[:, None]], [image.phase_columns[None, :], np.array([[corner]])]])

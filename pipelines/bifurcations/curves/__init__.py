@@ -1,9 +1,9 @@
 """Pieces of a bifurcation curve.
 
-- first_point: the first point: frame, tangent, sense
+- first_point: the first point: bordering, tangent, sense
 - segment: the end of a step, the piece before it, and special points on it
 - codimension_two: test functions of special points
 - double_passages: special points passed twice within a step
 - fixed_parameter: a bifurcation point with one parameter held
-- stored_curves: whether a point lies on a curve that is known
+- stored_curves: whether a point lies on a known curve
 """

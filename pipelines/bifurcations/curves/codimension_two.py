@@ -1,10 +1,10 @@
-"""Special points along a curve: test functions, one number each, that change sign there and are smooth.
+"""Special points along a curve: smooth scalar test functions that change sign there.
 
 With the critical multipliers (and the trivial one of an unknown period) removed from the spectrum, mu_i are
 the others:
 
-    R1, R2 on a Neimark-Sacker curve    1 - kappa, 1 + kappa             kappa = cos theta = (mu_1 + mu_2)/2
-    R3, R4                              kappa + 1/2, kappa
+    R1, R2 on a Neimark-Sacker curve    1 - cos theta, 1 + cos theta             cos theta = (mu_1 + mu_2)/2
+    R3, R4                              cos theta + 1/2, cos theta
     R1 on a fold, R2 on a flip curve    cosine between left and right null vector
     fold-flip, fold-NS                  prod (1 - mu_i) or prod (1 + mu_i)
     flip-NS, NS-NS                      prod_{i<j} (1 - mu_i mu_j) or prod (1 + mu_i)
@@ -45,16 +45,16 @@ MEETING_CURVES: Mapping[SpecialKind, tuple[EventKind, EventKind]] = MappingProxy
 _REAL = 1e-6  # imaginary part, relative to the modulus, below which a multiplier is taken as real
 _CIRCLE = 1e-5  # distance from the unit circle within which a located pair counts as on it
 _ZERO = 1e-9  # a test function below this is on its special point
-_END = 1e-7  # distance of kappa from 1 or -1 at which a Neimark-Sacker curve has ended
+_END = 1e-7  # distance of cos_theta from 1 or -1 at which a Neimark-Sacker curve has ended
 
 
-def other_multipliers(kind: EventKind, multipliers: Complex, kappa: float, autonomous: bool) -> Complex:
-    """The multipliers without the critical ones and without the trivial one of an unknown period."""
+def other_multipliers(kind: EventKind, multipliers: Complex, cos_theta: float, autonomous: bool) -> Complex:
+    """The multipliers except the critical ones and the trivial one of an unknown period."""
     rest = nontrivial(multipliers, autonomous)
     critical = [-1.0 + 0.0j if kind is EventKind.PERIOD_DOUBLING else 1.0 + 0.0j]
     if kind is EventKind.NEIMARK_SACKER:
-        root = complex(kappa * kappa - 1.0) ** 0.5
-        critical = [kappa + root, kappa - root]
+        root = complex(cos_theta * cos_theta - 1.0) ** 0.5
+        critical = [cos_theta + root, cos_theta - root]
     for value in critical:
         rest = np.delete(rest, int(np.argmin(np.abs(rest - value))))
     return rest
@@ -62,7 +62,7 @@ def other_multipliers(kind: EventKind, multipliers: Complex, kappa: float, auton
 
 @dataclass(frozen=True)
 class SecondBifurcation:
-    """What becomes critical at a special point beside the multipliers of the curve that it was found on.
+    """What becomes critical at a special point, besides the multipliers of the curve that was followed.
 
     ``kind`` and critical ``angle`` of the curve that it lies on, and the multipliers that are critical on
     neither, ``others``.
@@ -74,7 +74,7 @@ class SecondBifurcation:
 
 
 def second_bifurcation(curve: EventKind, special: SpecialPoint, autonomous: bool) -> SecondBifurcation | None:
-    """The bifurcation whose curve meets one of kind ``curve`` in a special point; None where there is none.
+    """The bifurcation whose curve meets a curve of kind ``curve`` in a special point; None if there is none.
 
     At R1 and R2 the Neimark-Sacker curve ends on the other one, with a pair of critical multipliers in all;
     elsewhere two curves cross.  R1 of cycles of unknown period is a different resonance and gives None.
@@ -84,9 +84,9 @@ def second_bifurcation(curve: EventKind, special: SpecialPoint, autonomous: bool
     first, last = MEETING_CURVES[special.kind]
     kind = last if curve is first else first
     if special.kind in (SpecialKind.R1, SpecialKind.R2):
-        pair = other_multipliers(EventKind.NEIMARK_SACKER, special.multipliers, special.kappa, autonomous)
+        pair = other_multipliers(EventKind.NEIMARK_SACKER, special.multipliers, special.cos_theta, autonomous)
         return SecondBifurcation(kind, 0.0 if special.kind is SpecialKind.R1 else math.pi, pair)
-    others = other_multipliers(curve, special.multipliers, special.kappa, autonomous)
+    others = other_multipliers(curve, special.multipliers, special.cos_theta, autonomous)
     angle = {EventKind.FOLD: 0.0, EventKind.PERIOD_DOUBLING: math.pi}.get(kind)
     if angle is None:
         angle = abs(cmath.phase(others[_nearest_pair(others)[0]]))
@@ -107,15 +107,15 @@ def special_tests(
     ``curvature``: p.B(q, q) times the alignment of a fold; ``scale`` of the states on the orbit, which takes
     the unit from the coefficients.
     """
-    others = other_multipliers(kind, multipliers, critical.kappa, autonomous)
+    others = other_multipliers(kind, multipliers, critical.cos_theta, autonomous)
     first, second = np.triu_indices(len(others), k=1)
     folds, flips = signed_smallest(1.0 - others), signed_smallest(1.0 + others)
     pairs = signed_smallest(1.0 - others[first] * others[second])
     form = math.nan if coefficient is None else scale**2 * coefficient.coefficient.real
-    kappa, aligned = critical.kappa, critical.alignment
+    cos_theta, aligned = critical.cos_theta, critical.alignment
     tests = {
         EventKind.NEIMARK_SACKER: {
-            **resonance_tests(kappa),
+            **resonance_tests(cos_theta),
             SpecialKind.FOLD_NEIMARK_SACKER: folds,
             SpecialKind.FLIP_NEIMARK_SACKER: flips,
             SpecialKind.DOUBLE_NEIMARK_SACKER: pairs,
@@ -137,18 +137,18 @@ def special_tests(
     return np.array([tests[kind].get(special, math.nan) for special in SpecialKind])
 
 
-def resonance_tests(kappa: float) -> dict[SpecialKind, float]:
+def resonance_tests(cos_theta: float) -> dict[SpecialKind, float]:
     """The tests of the strong resonances on a Neimark-Sacker curve."""
     return {
-        SpecialKind.R1: 1.0 - kappa,
-        SpecialKind.R2: 1.0 + kappa,
-        SpecialKind.R3: 0.5 + kappa,
-        SpecialKind.R4: kappa,
+        SpecialKind.R1: 1.0 - cos_theta,
+        SpecialKind.R2: 1.0 + cos_theta,
+        SpecialKind.R3: 0.5 + cos_theta,
+        SpecialKind.R4: cos_theta,
     }
 
 
 def crossed(before: Vector, after: Vector) -> tuple[SpecialKind, ...]:
-    """Special points whose test changed sign; a test that is not defined at both ends finds nothing.
+    """Special points whose test changed sign; a test must be defined at both ends.
 
     A curve may start or end on a special point: the step that arrives there has it, the one that leaves does
     not.
@@ -163,17 +163,17 @@ def crossed(before: Vector, after: Vector) -> tuple[SpecialKind, ...]:
 
 
 def without_rounding(tests: Vector) -> Vector:
-    """The tests with those that are zero to rounding set to zero."""
+    """The test values, with those that are zero to rounding set to exactly zero."""
     return np.where(np.abs(tests) < _ZERO, 0.0, tests)
 
 
-def genuine(special: SpecialKind, curve: EventKind, others: Complex, kappa: float) -> bool:
+def genuine(special: SpecialKind, curve: EventKind, others: Complex, cos_theta: float) -> bool:
     """Whether a located zero is the point it claims to be, not a neutral saddle.
 
-    On a Neimark-Sacker curve kappa must not have left [-1, 1]; a further pair with product one must be
+    On a Neimark-Sacker curve cos_theta must not have left [-1, 1]; a further pair with product one must be
     complex.
     """
-    if curve is EventKind.NEIMARK_SACKER and abs(kappa) > 1.0 + _END:
+    if curve is EventKind.NEIMARK_SACKER and abs(cos_theta) > 1.0 + _END:
         return False
     pairs = special is SpecialKind.DOUBLE_NEIMARK_SACKER or (
         special in (SpecialKind.FLIP_NEIMARK_SACKER, SpecialKind.FOLD_NEIMARK_SACKER)
@@ -194,8 +194,8 @@ def _nearest_pair(others: Complex) -> tuple[int, int]:
     return int(first[nearest]), int(second[nearest])
 
 
-def resonant_end(kind: EventKind, kappa: float) -> SpecialKind | None:
+def resonant_end(kind: EventKind, cos_theta: float) -> SpecialKind | None:
     """R1 or R2 when a Neimark-Sacker curve has arrived there."""
-    if kind is not EventKind.NEIMARK_SACKER or abs(kappa) < 1.0 - _END:
+    if kind is not EventKind.NEIMARK_SACKER or abs(cos_theta) < 1.0 - _END:
         return None
-    return SpecialKind.R1 if kappa > 0.0 else SpecialKind.R2
+    return SpecialKind.R1 if cos_theta > 0.0 else SpecialKind.R2

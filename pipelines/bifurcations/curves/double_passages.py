@@ -1,8 +1,8 @@
-"""Special points that a curve passes twice within one step: tests that return to their sign before the end.
+"""Special points that a curve passes twice within one step, so that the tests have equal signs at its ends.
 
-kappa is known with its slope at both ends of a step, and a cubic tells where it may leave [-1, 1]: there a
-Neimark-Sacker curve ends, so that the first passage must be found however shallow it is.  Of the other tests
-the parabola through their last three values tells where they may dip through zero.
+cos theta is known with its slope at both ends of a step, and a cubic shows where it may leave [-1, 1]. There
+a Neimark-Sacker curve ends, so that the first passage must be found however shallow it is.  Of the other
+tests the parabola through their last three values tells where they may dip through zero.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from pipelines.bifurcations.curves.segment import Bracket, CurveSegment, NotConv
 from pipelines.bifurcations.cycles.double_crossings import lowest_beyond, lowest_inside
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 
-_DIP = 0.5  # share of the nearer end below which a minimum of 1 -+ kappa inside a segment is looked at
-_ARRIVED = 1e-9  # distance of kappa from 1 or -1 at which a segment ends just on the second passage
+_DIP = 0.5  # share of the nearer end below which a minimum of 1 -+ cos_theta inside a segment is looked at
+_ARRIVED = 1e-9  # distance of cos_theta from 1 or -1 at which a segment ends just on the second passage
 _LOOKS = 3  # places at which a dip is looked for, each the lowest one of a better parabola
 
 
@@ -28,10 +28,10 @@ def dip_through(
     before: float,
     options: NormalFormOptions | None,
 ) -> tuple[Bracket, ...]:
-    """The brackets on both sides of where a test is beyond zero, although it is not at either end; none where
-    it does not come so far, or a point fails.
+    """The two brackets of the zeros of a test that has equal signs at both ends of a segment.
 
-    ``values`` at ``before`` the start of the segment, at its start and at its end.
+    Empty where the test does not reach zero, or a point fails.  ``values`` at ``before`` the start of the
+    segment, at its start and at its end.
     """
     if not np.all(np.isfinite(values)):
         return ()
@@ -53,30 +53,29 @@ def dip_through(
 
 
 def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, float]) -> Bracket | None:
-    """Where kappa is beyond 1 (R1) or -1 (R2) although it is not at either end of a Neimark-Sacker segment.
+    """Where cos theta is beyond 1 (R1) or -1 (R2) inside a Neimark-Sacker segment but at neither end.
 
-    ``start``: kappa and its slope at the start.  The cubic through both ends tells whether it is worth
-    looking; then the zero of the slope is found.  None when kappa turns back before, when a point fails, and
-    when kappa is no farther beyond than the corrector and the time steps leave it wrong: with an error e of
-    the multipliers
+    ``start``: cos theta and its slope at the start.  The cubic through both ends shows whether cos theta may
+    leave [-1, 1]; then the zero of the slope is found.  None when cos theta turns back before, when a point
+    fails, and when cos theta is beyond by less than its own error: with an error e of the multipliers
 
-        mu_1 - mu_2 = 2 sqrt(kappa^2 - 1) > e      or nearly      |kappa| - 1 > e^2/8
+        mu_1 - mu_2 = 2 sqrt(cos_theta^2 - 1) > e      or nearly      |cos_theta| - 1 > e^2/8
     """
     segment, sign = points.segment, 1.0 if special is SpecialKind.R1 else -1.0
     before = 1.0 - sign * start[0]
     if not _may_dip(segment, sign, before, start[1]):
         return None
-    known = {0.0: start[1], 1.0: segment.end.kappa_slope}
+    known = {0.0: start[1], 1.0: segment.end.cos_theta_slope}
 
     def slope(fraction: float) -> float:
-        value = known[fraction] if fraction in known else points.end(fraction, None, False).kappa_slope
+        value = known[fraction] if fraction in known else points.end(fraction, None, False).cos_theta_slope
         if not np.isfinite(value):
             raise NotConvergedError
         return value
 
     try:
         lowest = float(brentq(slope, 0.0, 1.0, xtol=1e-6))
-        beyond = sign * points.critical(lowest).kappa - 1.0
+        beyond = sign * points.critical(lowest).cos_theta - 1.0
     except NotConvergedError:
         return None
     options = segment.problem.options
@@ -87,12 +86,12 @@ def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, 
 
 
 def _may_dip(segment: CurveSegment, sign: float, before: float, start_slope: float) -> bool:
-    """Whether the cubic of 1 -+ kappa through both ends of a segment comes down far enough between them."""
+    """Whether the cubic of 1 -+ cos theta through both ends comes near enough to zero between them."""
     end = segment.end
-    after = 1.0 - sign * end.point.kappa
+    after = 1.0 - sign * end.point.cos_theta
     if abs(after) < _ARRIVED:
         after = 0.0
-    falling, rising = -sign * start_slope, -sign * end.kappa_slope
+    falling, rising = -sign * start_slope, -sign * end.cos_theta_slope
     if not (before > 0.0 and after >= 0.0 and falling < 0.0 < rising):
         return False
     weights = [hermite_weights(fraction, segment.length) for fraction in np.linspace(0.0, 1.0, 101)]

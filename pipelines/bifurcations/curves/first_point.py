@@ -1,4 +1,4 @@
-"""The first point of a bifurcation curve: its frame, its tangent and its sense."""
+"""The first point of a bifurcation curve: its bordering, its tangent and its sense."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ from typing import Any
 import numpy as np
 
 from pipelines.bifurcations.continuation import Rejected, period_scale
-from pipelines.bifurcations.critical.bordering import first_frame, vectors_of
+from pipelines.bifurcations.critical.bordering import first_bordering, vectors_of
 from pipelines.bifurcations.critical.correction import CriticalCycle, CurveConstraint
 from pipelines.bifurcations.critical.corrector import correct_critical
-from pipelines.bifurcations.critical.critical_cycles import Frame, critical_derivatives, critical_pass
+from pipelines.bifurcations.critical.critical_cycles import (
+    BorderingVectors,
+    critical_derivatives,
+    critical_pass,
+)
 from pipelines.bifurcations.critical.cycle_manifold import manifold_tangents
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveStart, CurveState, SpecialKind
@@ -51,7 +55,7 @@ def start_curve(
                 demand = demand_of(problem, opened, steps)
     if isinstance(opened, str):
         return Rejected(opened)
-    if resonant_end(problem.kind, opened.point.kappa) is not None:
+    if resonant_end(problem.kind, opened.point.cos_theta) is not None:
         opened = _facing_inwards(problem, opened, options, metric)
     opened = replace(opened, point=replace(opened.point, step_error=demand.error))
     at = opened.position
@@ -81,9 +85,7 @@ def curve_metric(problem: CurveProblem, options: CurveOptions, first: Position) 
 
 
 def _measured_by(end: CurveEnd, metric: PlaneMetric) -> CurveEnd:
-    """The same point with tangents of unit length, at right angles, by the metric that the corrected point
-    sets.
-    """
+    """The point with orthonormal tangents in the metric that the corrected point sets."""
     tangent = metric.unit(end.tangent)
     normal = end.normal.plus(tangent, -metric.inner(tangent, end.normal))
     return replace(end, tangent=tangent, normal=metric.unit(normal))
@@ -112,20 +114,20 @@ def _open_with(
     first = _first_constraint(MapAt(problem, guess, steps, reference), basis, start, options, metric)
     if isinstance(first, str):
         return first
-    constraint, frame, along = first
-    corrected = correct_critical(problem, guess, constraint, basis, frame, steps, reference)
+    constraint, bordering, along = first
+    corrected = correct_critical(problem, guess, constraint, basis, bordering, steps, reference)
     if corrected.point is None:
         return corrected.advice
-    end = curve_end(corrected, corrected.point, constraint, along, options.normal_form, frame)
+    end = curve_end(corrected, corrected.point, constraint, along, options.normal_form, bordering)
     return "the tangent of the first point is singular" if end is None else end
 
 
 def _facing_inwards(
     problem: CurveProblem, end: CurveEnd, options: CurveOptions, metric: PlaneMetric
 ) -> CurveEnd:
-    """The first point on R1 or R2 with the tangent towards abs(kappa) < 1, where its pair is complex.
+    """The first point on R1 or R2 with the tangent towards abs(cos_theta) < 1, where its pair is complex.
 
-    The slope of kappa is a difference of large numbers there, so a trial step decides; without one the slope.
+    The slope of cos theta is a difference of large numbers there, so a trial step decides, or else the slope.
     The trial is short, because another curve may leave another resonance nearby.
     """
     row = metric.row(end.tangent)
@@ -133,21 +135,27 @@ def _facing_inwards(
     constraint = CurveConstraint(row, row.dot(guess), metric.row(end.normal), end.gradient, metric)
     cycle = end.point.cycle
     reference = reference_of(problem.cycle_problem(end.position), problem.unknowns(end.position), cycle.steps)
-    found = correct_critical(problem, guess, constraint, cycle.basis, end.frame, cycle.steps, reference).point
-    inwards = end.kappa_slope * end.point.kappa < 0.0 if found is None else abs(found.critical.kappa) < 1.0
+    found = correct_critical(
+        problem, guess, constraint, cycle.basis, end.bordering, cycle.steps, reference
+    ).point
+    inwards = (
+        end.cos_theta_slope * end.point.cos_theta < 0.0
+        if found is None
+        else abs(found.critical.cos_theta) < 1.0
+    )
     if inwards:
         return end
-    return replace(end, tangent=end.tangent.scaled(-1.0), kappa_slope=-end.kappa_slope)
+    return replace(end, tangent=end.tangent.scaled(-1.0), cos_theta_slope=-end.cos_theta_slope)
 
 
 def _first_constraint(
     at: MapAt, basis: Matrix, start: CurveStart, options: CurveOptions, metric: PlaneMetric
-) -> tuple[CurveConstraint, Frame, Position] | str:
-    """The plane across the curve at the guess, the frame there and the tangent in the wanted sense."""
-    frame = first_frame(at, basis, start.angle)
-    passed = None if frame is None else critical_pass(at, basis, vectors_of(frame, at.problem.kind))
-    critical = None if frame is None or passed is None else critical_of(passed, frame)
-    if frame is None or passed is None or critical is None:
+) -> tuple[CurveConstraint, BorderingVectors, Position] | str:
+    """The plane across the curve at the guess, the bordering there and the tangent in the wanted sense."""
+    bordering = first_bordering(at, basis, start.angle)
+    passed = None if bordering is None else critical_pass(at, basis, vectors_of(bordering, at.problem.kind))
+    critical = None if bordering is None or passed is None else critical_of(passed, bordering)
+    if bordering is None or passed is None or critical is None:
         return "the orbit of the guess leaves the domain of the equations or has no critical multipliers"
     linear = passed.linear
     first, second = manifold_tangents(linear, metric)
@@ -162,7 +170,7 @@ def _first_constraint(
     upwards = -1.0 if along.parameters[0] < 0.0 else 1.0
     along = along.scaled(upwards * options.direction)
     row, beside = metric.row(along), metric.row(across)
-    return CurveConstraint(row, row.dot(at.position), beside, beside.scaled(size), metric), frame, along
+    return CurveConstraint(row, row.dot(at.position), beside, beside.scaled(size), metric), bordering, along
 
 
 def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
@@ -177,12 +185,12 @@ def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
         "state": end.position.state,
         "period": end.position.period,
         "parameters": end.position.parameters,
-        "right": end.frame.right,
-        "left": end.frame.left,
-        "right_period": end.frame.right_period,
-        "left_phase": end.frame.left_phase,
-        "kappa": end.frame.kappa,
-        "kappa_slope": end.kappa_slope,
+        "right": end.bordering.right,
+        "left": end.bordering.left,
+        "right_period": end.bordering.right_period,
+        "left_phase": end.bordering.left_phase,
+        "cos_theta": end.bordering.cos_theta,
+        "cos_theta_slope": end.cos_theta_slope,
         "tests": end.tests,
         "steps": cycle.steps,
         "step_error": end.point.step_error,
@@ -191,7 +199,7 @@ def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
 
 
 def demand_of(problem: CurveProblem, found: CriticalCycle | CurveEnd, steps: int) -> StepDemand:
-    """Steps per period that a point corrected with ``steps`` asks for, and what those leave."""
+    """Steps per period that a point corrected with ``steps`` asks for, and the error left by ``steps``."""
     if isinstance(found, CriticalCycle):
         basis, image = found.linear.basis, found.linear.image
     else:

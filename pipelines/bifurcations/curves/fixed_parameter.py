@@ -1,4 +1,4 @@
-"""A bifurcation point with one of two parameters held: the other one where a cycle is critical.
+"""A bifurcation point with one of two parameters held fixed.
 
 On the surface of cycles of ``pipelines.bifurcations.critical.cycle_manifold`` with its orthonormal tangents
 t_1, t_2 the line of the held parameter runs along t, and the test function g changes there by dg t:
@@ -15,10 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipelines.bifurcations.continuation import STEP_GROWTH
-from pipelines.bifurcations.critical.bordering import first_frame, vectors_of
+from pipelines.bifurcations.critical.bordering import first_bordering, vectors_of
 from pipelines.bifurcations.critical.correction import CriticalCycle, CurveConstraint
 from pipelines.bifurcations.critical.corrector import correct_critical
-from pipelines.bifurcations.critical.critical_cycles import Frame, critical_derivatives, critical_pass
+from pipelines.bifurcations.critical.critical_cycles import (
+    BorderingVectors,
+    critical_derivatives,
+    critical_pass,
+)
 from pipelines.bifurcations.critical.cycle_manifold import manifold_tangents
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.curve import CurveStart
@@ -32,8 +36,10 @@ from pipelines.orbits.time_steps import first_steps
 
 @dataclass(frozen=True)
 class FixedParameterPoint:
-    """A bifurcation point: both parameters (2,), ``state`` (N,), period, critical angle in [0, pi] and the
-    time steps per period.
+    """A bifurcation point located with one parameter held.
+
+    Both parameters (2,), ``state`` (N,), period, critical angle in [0, pi] and the time steps per
+    period.
     """
 
     parameters: tuple[float, float]
@@ -90,9 +96,9 @@ def _located(
         found = _corrected(problem, found.position, held, metric, found.basis, angle, steps)
     if isinstance(found, NotLocated):
         return found
-    at, kappa = found.position, min(1.0, max(-1.0, found.critical.kappa))
+    at, cos_theta = found.position, min(1.0, max(-1.0, found.critical.cos_theta))
     held_at, free_at = (float(value) for value in at.parameters)
-    return FixedParameterPoint((held_at, free_at), at.state, at.period, float(np.arccos(kappa)), steps)
+    return FixedParameterPoint((held_at, free_at), at.state, at.period, float(np.arccos(cos_theta)), steps)
 
 
 def _corrected(
@@ -115,22 +121,22 @@ def _corrected(
         at = corrected.cycle.unknowns
         basis, guess = corrected.cycle.basis, replace(guess, state=at.state, period=at.period)
     here = MapAt(problem, guess, steps, reference)
-    frame = first_frame(here, basis, angle)
-    constraint = None if frame is None else _constraint(here, basis, frame, held, metric)
-    if frame is None or constraint is None:
+    bordering = first_bordering(here, basis, angle)
+    constraint = None if bordering is None else _constraint(here, basis, bordering, held, metric)
+    if bordering is None or constraint is None:
         return NotLocated(
             "the guess has no critical multipliers, or they do not move with the free parameter"
         )
-    found = correct_critical(problem, guess, constraint, basis, frame, steps, reference)
+    found = correct_critical(problem, guess, constraint, basis, bordering, steps, reference)
     return NotLocated(found.advice) if found.point is None else found.point
 
 
 def _constraint(
-    at: MapAt, basis: Matrix, frame: Frame, held: int, metric: PlaneMetric
+    at: MapAt, basis: Matrix, bordering: BorderingVectors, held: int, metric: PlaneMetric
 ) -> CurveConstraint | None:
-    """The row that holds the parameter, the direction that is left and the slopes of the test function."""
-    passed = critical_pass(at, basis, vectors_of(frame, at.problem.kind))
-    critical = None if passed is None else critical_of(passed, frame)
+    """The row that holds the parameter, the remaining direction and the slopes of the test function."""
+    passed = critical_pass(at, basis, vectors_of(bordering, at.problem.kind))
+    critical = None if passed is None else critical_of(passed, bordering)
     if passed is None or critical is None:
         return None
     first, second = manifold_tangents(passed.linear, metric)

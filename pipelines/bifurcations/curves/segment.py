@@ -8,12 +8,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from pipelines.bifurcations.continuation import CubicPiece
-from pipelines.bifurcations.critical.bordering import following_frame
+from pipelines.bifurcations.critical.bordering import next_bordering
 from pipelines.bifurcations.critical.correction import CriticalCycle, CurveConstraint, CurveCorrection
 from pipelines.bifurcations.critical.corrector import correct_critical, with_converged_multipliers
 from pipelines.bifurcations.critical.critical_cycles import (
+    BorderingVectors,
     Critical,
-    Frame,
     critical_derivatives,
     with_sharp_left,
 )
@@ -36,16 +36,16 @@ from pipelines.orbits.system import Matrix, Vector
 
 _RECORDED = 1e-7  # residual asked of the multipliers of an ordinary point
 _RECORDED_LEFT, _SHARP_LEFT = 1e-6, 1e-10  # last term of the series for left vectors, likewise
-_END_WIDTH = 1e-10  # of arclength: kappa changes by far less than what counts as its end
+_END_WIDTH = 1e-10  # of arclength: cos_theta changes by far less than what counts as its end
 
 
 @dataclass(frozen=True)
 class CurveEnd:
-    """A corrected point with all that the next step needs.
+    """A corrected point with everything that the next step needs.
 
     ``tangent`` and ``normal``: orthonormal tangents of the surface of cycles, along and across the curve;
     ``gradient``: row of the test function, exact on both; ``tests`` (11,) in the order of ``SpecialKind``;
-    ``kappa_slope``: d kappa/d arclength.
+    ``cos_theta_slope``: d cos_theta/d arclength.
     """
 
     point: CurvePoint
@@ -53,9 +53,9 @@ class CurveEnd:
     tangent: Position
     normal: Position
     gradient: Position
-    frame: Frame
+    bordering: BorderingVectors
     tests: Vector
-    kappa_slope: float
+    cos_theta_slope: float
 
 
 def curve_end(
@@ -64,18 +64,18 @@ def curve_end(
     constraint: CurveConstraint,
     sense: Position,
     options: NormalFormOptions | None,
-    frame: Frame,
+    bordering: BorderingVectors,
     precise: bool = False,
 ) -> CurveEnd | None:
     """Tangents, spectrum, tests and normal form at a corrected point; None when its tangent is singular.
 
-    ``sense``: a direction that the tangent must not oppose; ``frame``: the one it was corrected with;
+    ``sense``: a direction that the tangent must not oppose; ``bordering``: the one it was corrected with;
     ``precise``: multipliers and left vectors as sharp as the options ask, to locate special points.  With
     slopes g_1, g_2 of the test function along the tangents t_1, t_2 of the surface, the curve runs along
     g_2 t_1 - g_1 t_2.
     """
     sharp = found.linear.at.problem.options.multiplier_tolerance
-    found = with_converged_multipliers(found, frame, sharp if precise else max(sharp, _RECORDED))
+    found = with_converged_multipliers(found, bordering, sharp if precise else max(sharp, _RECORDED))
     left = _SHARP_LEFT if precise else _RECORDED_LEFT
     if precise or options is not None:
         found = replace(found, critical=with_sharp_left(found.linear, found.critical, left))
@@ -94,12 +94,12 @@ def curve_end(
     normal = first.scaled(g1 / size).plus(second, g2 / size)
     gradient = found.gradient.plus(metric.row(tangent), -found.gradient.dot(tangent))
     gradient = gradient.plus(metric.row(normal), size - gradient.dot(normal))
-    frame = following_frame(linear.basis, critical)
+    bordering = next_bordering(linear.basis, critical)
     form: NormalForm | None = None
     if options is not None:
         plane = metric.row(tangent)
         across = CurveConstraint(plane, plane.dot(found.position), metric.row(normal), gradient, metric)
-        form = smoothed_normal_form(found, frame, across, options)
+        form = smoothed_normal_form(found, bordering, across, options)
     point = _point(correction, found, form)
     tests = special_tests(
         linear.at.problem.kind,
@@ -116,9 +116,9 @@ def curve_end(
         tangent,
         normal,
         gradient,
-        frame,
+        bordering,
         tests,
-        kappa_slope=0.5 * turned * (g2 * trace1 - g1 * trace2) / size,
+        cos_theta_slope=0.5 * turned * (g2 * trace1 - g1 * trace2) / size,
     )
 
 
@@ -128,7 +128,7 @@ Pair = tuple[float, float]
 def _surface_slopes(
     found: CriticalCycle, constraint: CurveConstraint
 ) -> tuple[tuple[Position, Position], Pair, Pair] | None:
-    """Orthonormal tangents of the surface of cycles with the derivatives of g and of tr A along them."""
+    """Orthonormal tangents of the surface of cycles, and the derivatives of g and tr A along them."""
     linear, metric = found.linear, constraint.metric
     step = manifold_step(linear, (constraint.row, constraint.across), (0.0, 0.0))
     if step is None:
@@ -152,7 +152,7 @@ def _fold_curvature(found: CriticalCycle, metric: PlaneMetric) -> float:
 
 
 def _lengths(critical: Critical) -> float:
-    """Scale of z'D2 phi(y, y) that makes it independent of the bordering: abs(z) abs(y)^2."""
+    """Scale that makes z'D2 phi(y, y) independent of the bordering: abs(z) abs(y)^2."""
     return float(np.linalg.norm(critical.left) * np.linalg.norm(critical.right) ** 2)
 
 
@@ -172,7 +172,7 @@ def _point(correction: CurveCorrection, found: CriticalCycle, form: NormalForm |
         problem.kind,
         cycle,
         found.position.parameters,
-        critical.kappa,
+        critical.cos_theta,
         critical.alignment,
         critical.right,
         form,
@@ -187,12 +187,12 @@ class NotConvergedError(Exception):
 
 @dataclass(frozen=True)
 class Anchor:
-    """A corrected point at a ``fraction`` of a segment, with what its neighbours are corrected with."""
+    """A corrected point at a ``fraction`` of a segment, from which its neighbours are corrected."""
 
     fraction: float
     position: Position
     basis: Matrix
-    frame: Frame
+    bordering: BorderingVectors
     gradient: Position
 
 
@@ -200,8 +200,8 @@ class Anchor:
 class CurveSegment(CubicPiece[Position]):
     """The curve between two corrected points with their unit tangents, both discretised with ``steps``.
 
-    ``basis``, ``frame``, ``across``, ``gradient``, ``reference``: what the points between them are corrected
-    with.  A fraction in [0, 1] names the point in the plane <chord, u - u_0> = fraction <chord, chord>.
+    ``basis``, ``bordering``, ``across``, ``gradient``, ``reference``: with these the points between them are
+    corrected.  A fraction in [0, 1] names the point in the plane <chord, u - u_0> = fraction <chord, chord>.
     """
 
     problem: CurveProblem
@@ -210,7 +210,7 @@ class CurveSegment(CubicPiece[Position]):
     start_tangent: Position
     end: CurveEnd
     basis: Matrix
-    frame: Frame
+    bordering: BorderingVectors
     across: Position
     gradient: Position
     steps: int
@@ -225,18 +225,18 @@ class CurveSegment(CubicPiece[Position]):
         """Both ends."""
         end = self.end
         return (
-            Anchor(0.0, self.start, self.basis, self.frame, self.gradient),
-            Anchor(1.0, end.position, end.point.cycle.basis, end.frame, end.gradient),
+            Anchor(0.0, self.start, self.basis, self.bordering, self.gradient),
+            Anchor(1.0, end.position, end.point.cycle.basis, end.bordering, end.gradient),
         )
 
     def constraint_at(self, fraction: float, anchor: Anchor) -> CurveConstraint:
-        """The plane of a fraction."""
+        """The plane across the segment at a fraction."""
         row = self.metric.row(self.chord)
         value = row.dot(self.start) + fraction * row.dot(self.chord)
         return CurveConstraint(row, value, self.across, anchor.gradient, self.metric)
 
     def correct_at(self, fraction: float, anchor: Anchor) -> CurveCorrection:
-        """The point at a fraction of the segment; the cubic is as wrong there as it is at the anchor."""
+        """The point at a fraction of the segment, guessed from the cubic and the anchor's deviation."""
         wrong = anchor.position.minus(self.guess(anchor.fraction))
         guess = self.guess(fraction).plus(wrong)
         return self.correct_on(guess, self.constraint_at(fraction, anchor), anchor)
@@ -249,7 +249,7 @@ class CurveSegment(CubicPiece[Position]):
     def correct_on(self, guess: Position, constraint: CurveConstraint, anchor: Anchor) -> CurveCorrection:
         """The point near ``guess`` on another closing row."""
         return correct_critical(
-            self.problem, guess, constraint, anchor.basis, anchor.frame, self.steps, self.reference
+            self.problem, guess, constraint, anchor.basis, anchor.bordering, self.steps, self.reference
         )
 
 
@@ -272,7 +272,7 @@ class SegmentPoints:
         if key not in self._ends:
             correction, point, anchor = self._at(fraction)
             constraint, chord = self.segment.constraint_at(fraction, anchor), self.segment.chord
-            end = curve_end(correction, point, constraint, chord, options, anchor.frame, precise)
+            end = curve_end(correction, point, constraint, chord, options, anchor.bordering, precise)
             if end is None:
                 raise NotConvergedError
             self._ends[key] = end
@@ -281,7 +281,7 @@ class SegmentPoints:
     def test(self, special: SpecialKind, fraction: float, options: NormalFormOptions | None) -> float:
         """The test of a special point at a fraction; raises when it does not converge or is not defined."""
         if _from_pair(self, special):
-            value = resonance_tests(self.critical(fraction).kappa)[special]
+            value = resonance_tests(self.critical(fraction).cos_theta)[special]
         else:
             value = float(self.end(fraction, _form_for(special, options), True).tests[special - 1])
         if not np.isfinite(value):
@@ -296,13 +296,13 @@ class SegmentPoints:
             if point is None:
                 raise NotConvergedError
             self._corrected[fraction] = correction, point, anchor
-            frame = following_frame(point.basis, point.critical)
-            self._anchors.append(Anchor(fraction, point.position, point.basis, frame, point.gradient))
+            bordering = next_bordering(point.basis, point.critical)
+            self._anchors.append(Anchor(fraction, point.position, point.basis, bordering, point.gradient))
         return self._corrected[fraction]
 
 
 def _from_pair(points: SegmentPoints, special: SpecialKind) -> bool:
-    """Whether the test is that of kappa, from the critical pair itself: sharp on every corrected point."""
+    """Whether the test is a function of cos theta, which is sharp on every corrected point."""
     return points.segment.problem.kind is EventKind.NEIMARK_SACKER and special <= SpecialKind.R4
 
 
@@ -327,8 +327,9 @@ class Bracket:
 def locate_special(
     points: SegmentPoints, bracket: Bracket, width: float, options: NormalFormOptions | None
 ) -> tuple[SpecialPoint | None, CurveEnd] | None:
-    """The zero of one test function inside a bracket, to ``width`` of arclength; R1 and R2 of a
-    Neimark-Sacker curve more sharply, because it ends there.
+    """Locate the zero of one test function inside a bracket to ``width`` of arclength.
+
+    R1 and R2 of a Neimark-Sacker curve are located more accurately, because the curve ends there.
 
     Returns the point, or None in its place when it turns out to be a neutral saddle or the noise of a
     coefficient, and the corrected end there; None when a point between did not converge.  Every evaluation
@@ -361,8 +362,9 @@ def locate_special(
 
 
 def _drowned(end: CurveEnd, scale: float, change: float) -> bool:
-    """Whether the zero of a normal-form coefficient is no more than the error of its differences: a map that
-    is only piecewise smooth has coefficients that jump.
+    """Whether a zero of a normal-form coefficient is not beyond the error of its differences.
+
+    A map that is only piecewise smooth has coefficients that jump.
     """
     form = end.point.normal_form
     return form is None or scale**2 * form.noise * abs(end.point.alignment) > 0.5 * change
@@ -373,9 +375,9 @@ def _special_point(
 ) -> SpecialPoint | None:
     problem, cycle = segment.problem, end.point.cycle
     others = other_multipliers(
-        problem.kind, cycle.spectrum.multipliers, end.point.kappa, problem.period_map.autonomous
+        problem.kind, cycle.spectrum.multipliers, end.point.cos_theta, problem.period_map.autonomous
     )
-    if not genuine(special, problem.kind, others, end.point.kappa):
+    if not genuine(special, problem.kind, others, end.point.cos_theta):
         return None
     return SpecialPoint(
         special,
@@ -383,7 +385,7 @@ def _special_point(
         cycle.unknowns.state,
         cycle.unknowns.period,
         cycle.spectrum.multipliers,
-        end.point.kappa,
+        end.point.cos_theta,
         float(end.tests[special - 1]),
         fraction,
         cycle.steps,

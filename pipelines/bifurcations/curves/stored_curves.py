@@ -1,4 +1,4 @@
-"""Whether a bifurcation point lies on a curve that is known."""
+"""Whether a bifurcation point lies on a known curve."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipelines.bifurcations.continuation import hermite_weights
+from pipelines.bifurcations.continuation import hermite_slopes, hermite_weights
 from pipelines.bifurcations.curve import CurveStart, CurveState
 from pipelines.orbits.system import Matrix, Vector, size_of
 
@@ -22,7 +22,7 @@ _NOISE = 1e-6  # distance in the scaled parameters that different time steps may
 
 @dataclass(frozen=True)
 class KnownCurve:
-    """A bifurcation curve, its n points in order and cubic in between.
+    """A bifurcation curve: n points in order, interpolated by cubics.
 
     ``parameters`` and ``tangents`` = d parameters / d arclength, both (n, 2); ``arclength`` (n,); ``states``
     (n, N); ``angles`` (n,) of the critical multiplier in [0, pi].
@@ -37,17 +37,17 @@ class KnownCurve:
     @classmethod
     def of(cls, states: Sequence[CurveState]) -> KnownCurve:
         """The curve through recorded states."""
-        kappa = np.array([state.kappa for state in states])
+        cos_theta = np.array([state.cos_theta for state in states])
         return cls(
             np.array([state.parameters for state in states]),
             np.array([state.tangent_parameters for state in states]),
             np.array([state.arclength for state in states]),
             np.array([state.state for state in states]),
-            np.arccos(np.clip(kappa, -1.0, 1.0)),
+            np.arccos(np.clip(cos_theta, -1.0, 1.0)),
         )
 
     def with_point(self, state: CurveState) -> KnownCurve:
-        """The curve and one point more."""
+        """The curve with one more point."""
         newest = KnownCurve.of([state])
         pairs = zip(vars(self).values(), vars(newest).values(), strict=True)
         return KnownCurve(*(np.concatenate(pair) for pair in pairs))
@@ -73,8 +73,10 @@ class KnownCurve:
         scales: tuple[float, float] = (1.0, 1.0),
         same_sense: bool = False,
     ) -> bool:
-        """Whether another curve of the same kind, at this point with the ``tangent`` d parameters /
-        d arclength, is this one: two curves that cross share the point, but not the tangent.
+        """Whether another curve of this kind coincides with this one at a point.
+
+        ``tangent`` is its d parameters / d arclength there: two curves that cross share the point,
+        but not the tangent.
 
         ``same_sense``: the other curve must run forwards along this one.
         """
@@ -134,10 +136,5 @@ class KnownCurve:
 
 def _cubic(ends: Matrix, slopes: Matrix, length: float, at: float) -> tuple[Vector, Vector]:
     """Point and derivative by the fraction of the Hermite cubic of a segment."""
-    w0, d0, w1, d1 = hermite_weights(at, length)
-    point = w0 * ends[0] + d0 * slopes[0] + w1 * ends[1] + d1 * slopes[1]
-    rise = 6.0 * at * (1.0 - at)
-    slope = rise * (ends[1] - ends[0]) + length * (
-        (1.0 - at) * (1.0 - 3.0 * at) * slopes[0] + at * (3.0 * at - 2.0) * slopes[1]
-    )
-    return point, slope
+    nodes = np.array([ends[0], slopes[0], ends[1], slopes[1]])
+    return hermite_weights(at, length) @ nodes, length * (hermite_slopes(at, length) @ nodes)

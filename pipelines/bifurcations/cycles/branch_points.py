@@ -1,4 +1,4 @@
-"""The cycle at a branch point, between cycles on both sides of it.
+"""Locate the cycle at a branch point from cycles on both sides of it.
 
 Where two branches cross, the corrector has no unique solution: the error that its tolerance leaves lies along
 the other branch and grows like 1/(mu - 1).  The branch itself is smooth there, and so is its multiplier mu
@@ -28,7 +28,7 @@ def cycle_at_branch_point(
     beyond_one: Callable[[Cycle], float],
     bracket: tuple[tuple[float, float], tuple[float, float]],
 ) -> tuple[float, Cycle] | None:
-    """The fraction of a segment at which a multiplier passes 1, and the cycle there; None if it is not found.
+    """The fraction of a segment where a multiplier passes 1, and the cycle there; None if not found.
 
     ``beyond_one(cycle)``: mu - 1 of that multiplier; ``bracket``: fractions on both sides with their values.
     """

@@ -1,4 +1,4 @@
-"""Where a branch meets another one that it was born on: at its own period doubling, or its own pitchfork.
+"""Where a branch meets the branch that it was born on: at its own period doubling or its own pitchfork.
 
 The two halves of a doubled cycle are apart by
 
@@ -33,7 +33,7 @@ _LOCATED = 1e-4  # and one beyond which the cycle is not the critical one
 
 
 def halved_map(period_map: PeriodMap) -> PeriodMap | None:
-    """The map over half of the period; None where a cycle of that period cannot be told."""
+    """The map over half of the period; None where cycles of that period cannot be computed."""
     halves = [period_map.samples, period_map.steps_per_period or 2]
     known = period_map.system.forcing is not None
     if known:
@@ -60,7 +60,7 @@ def passes_own_doubling(segment: Segment) -> bool:
 
 
 def own_doubling(segment: Segment) -> Cycle | None:
-    """The simple cycle at its period doubling inside a segment; None when it was not found there."""
+    """The simple cycle at its period doubling inside a segment; None if it was not found."""
     period_map = halved_map(segment.problem.period_map)
     if period_map is None:
         return None
@@ -68,15 +68,17 @@ def own_doubling(segment: Segment) -> Cycle | None:
 
 
 def own_pitchfork(segment: Segment) -> Cycle | None:
-    """The cycle of the crossing branch at its pitchfork inside a segment on which the parameter turns; None
-    when it was not found there.
+    """The cycle of the crossing branch at its pitchfork inside a segment; None if it was not found.
+
+    The parameter turns on this segment.
     """
     return _crossing_cycle(segment, segment.problem, 1, 1.0)
 
 
 def _crossing_cycle(segment: Segment, problem: CycleProblem, parts: int, critical: float) -> Cycle | None:
-    """The cycle with the multiplier ``critical`` on the branch that crosses a segment, whose period is one of
-    ``parts`` of that of the segment.
+    """The cycle with the multiplier ``critical`` on the branch that crosses a segment.
+
+    Its period is that of the segment divided by one of ``parts``.
     """
     turn = segment.guess(0.5)
     guess = problem.consistent(Unknowns(turn.state, turn.period / parts, turn.parameter))
@@ -108,8 +110,9 @@ class _NotFoundError(Exception):
 
 
 class _CrossingCycles:
-    """Cycles by the parameter, each corrected from the last one; the test is the distance of the multiplier
-    nearest to ``critical`` from it.
+    """Cycles along the parameter, each corrected from the last one.
+
+    The test function is the distance of the nearest multiplier from ``critical``.
     """
 
     def __init__(self, problem: CycleProblem, guess: Unknowns, steps: int, critical: float) -> None:
@@ -129,9 +132,10 @@ class _CrossingCycles:
         return cycle
 
     def critical(self, near: float, move: float) -> Cycle | None:
-        """The cycle where the test vanishes, ``near`` a parameter, from those on the side of ``move``.
+        """The cycle where the test function vanishes, from cycles on the side of ``move``.
 
-        Those farther away are less disturbed by the other branch, but what is nearer is more nearly a line.
+        The search begins ``near`` a parameter.  Cycles farther away are less disturbed by the other branch,
+        but nearer ones lie more nearly on a line.
         """
         found: list[tuple[float, Cycle]] = []
         try:
@@ -148,8 +152,10 @@ class _CrossingCycles:
         return best if error <= _LOCATED else None
 
     def interpolated(self, parameters: Vector) -> Cycle:
-        """The cycle where the test vanishes, by interpolation between some a little farther out: beside a
-        pitchfork the corrector leaves an amplitude of the other branch, which grows towards it.
+        """The cycle where the test function vanishes, interpolated between cycles a little farther out.
+
+        Close to a pitchfork the corrector leaves an amplitude of the other branch, which grows
+        towards it.
         """
         tests = np.array([self.test(float(parameter)) for parameter in parameters[::-1]])[::-1]
         found = float(barycentric_interpolate(tests, parameters, 0.0))

@@ -1,4 +1,4 @@
-"""Two bifurcations within one step of a branch: a test function that returns to its sign before the end.
+"""Two bifurcations within one step of a branch, so that a test function has equal signs at both ends.
 
 The products over the slow multipliers
 
@@ -58,8 +58,10 @@ def dips_inside(segment: Segment, previous_multipliers: Complex, previous_length
 
 
 def may_be_crossed(segment: Segment, previous_multipliers: Complex, previous_length: float) -> bool:
-    """Whether another branch may cross inside a segment on which no multiplier crosses 1, so that a step may
-    have left along it: the line through the first product at the last two points comes to zero.
+    """Whether another branch may cross inside a segment on which no multiplier crosses 1.
+
+    A step may then have left along it: the line through the first product at the last two points reaches
+    zero.
     """
     if len(previous_multipliers) == 0 or not previous_length > 0.0:
         return False
@@ -69,8 +71,10 @@ def may_be_crossed(segment: Segment, previous_multipliers: Complex, previous_len
 
 
 def lowest_inside(values: Vector, before: float, length: float) -> float | None:
-    """The fraction of a step where the parabola through three values, at -before, 0 and length, comes nearest
-    to zero, if that is inside the step and near.  An end may be zero, but not on the other side.
+    """The fraction of a step where the parabola through three values comes nearest to zero.
+
+    The values lie at -before, 0 and length.  None unless the minimum is inside the step and near zero.
+    An end may be zero, but not on the other side.
     """
     last, start, end = (float(value) for value in values)
     side = math.copysign(1.0, end if end != 0.0 else start)
@@ -89,7 +93,7 @@ def lowest_inside(values: Vector, before: float, length: float) -> float | None:
 
 
 def lowest_beyond(places: tuple[float, ...], values: tuple[float, ...], side: float) -> float | None:
-    """Where the parabola through three values is farthest beyond zero; None where it is not."""
+    """Where the parabola through three values is farthest beyond zero; None where it does not cross zero."""
     bend, slope, level = np.polyfit(places, values, 2)
     if not bend * side > 0.0:
         return None
@@ -118,7 +122,7 @@ def _on_one_scale(pairs: list[tuple[float, float]]) -> Vector:
 
 
 def _products(multipliers: Complex, autonomous: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Signs and logarithms of the three products, which leave the range of doubles by themselves."""
+    """Signs and logarithms of the three products, which themselves may exceed the range of doubles."""
     mu = nontrivial(multipliers, autonomous)
     first, second = np.triu_indices(len(mu), k=1)
     factors = (1.0 - mu, 1.0 + mu, 1.0 - mu[first] * mu[second])

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipelines.bifurcations.critical.critical_cycles import Critical, left_products
-from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation, sweep
+from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation, picard_iteration
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.section import on_section
 from pipelines.bifurcations.plane import Position
@@ -31,7 +31,7 @@ from pipelines.orbits.system import Matrix, Vector
 
 _SOLVE_TOLERANCE = 1e-7  # of the Picard part of h, h11 and h20 and of the left products
 _SHORTER = 0.1  # step of the first derivatives, in steps of the second
-_STRONG_RESONANCE = 1e-6  # distance of kappa from 1 or -1 below which d is not defined
+_STRONG_RESONANCE = 1e-6  # distance of cos_theta from 1 or -1 below which d is not defined
 
 
 @dataclass(frozen=True)
@@ -62,23 +62,21 @@ class NormalForm:
 
     @property
     def supercritical(self) -> bool:
-        """Whether what is born is stable: b > 0, Re d < 0; a fold has no such type and counts as not."""
+        """Whether the solution born here is stable: b > 0, Re d < 0; False for a fold."""
         if self.kind is EventKind.PERIOD_DOUBLING:
             return self.coefficient.real > 0.0
         return self.kind is EventKind.NEIMARK_SACKER and self.coefficient.real < 0.0
 
     @property
     def decided(self) -> bool:
-        """Whether the sign of b or Re d is beyond the error."""
+        """Whether the sign of b or Re d is larger than its error."""
         return abs(self.coefficient.real) > self.real_error
 
 
 def normal_form(
     linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions
 ) -> NormalForm | None:
-    """The coefficient of the problem's kind; None for a neutral saddle and where a linear system is
-    singular.
-    """
+    """The coefficient for the problem's kind; None for a neutral saddle or a singular linear system."""
     kind = linear.at.problem.kind
     if linear.at.problem.period_map.autonomous:
         linear, critical = on_section(linear, critical)
@@ -87,7 +85,7 @@ def normal_form(
             values = _fold(linear, critical, options)
         elif kind is EventKind.PERIOD_DOUBLING:
             values = _period_doubling(linear, critical, options)
-        elif abs(critical.kappa) < 1.0 - _STRONG_RESONANCE:
+        elif abs(critical.cos_theta) < 1.0 - _STRONG_RESONANCE:
             values = _neimark_sacker(linear, critical, options)
         else:
             return None
@@ -174,8 +172,9 @@ class _Differences:
         return self.options.difference * self.linear.scale / float(np.max(np.abs(self.direction)))
 
     def of(self, columns: Matrix, centre: Matrix) -> tuple[Matrix, Matrix]:
-        """First and second derivatives of M columns, given M ``columns`` at the ``centre``, each (N, 2 c):
-        fourth order with h and 2h, then second order with h.
+        """First and second derivatives of M columns, given M ``columns`` at the ``centre``, each (N, 2 c).
+
+        Fourth order with h and 2h, then second order with h.
         """
         h = self.step
         m2, m1, p1, p2 = (self._beside(k * h, columns) for k in (-2, -1, 1, 2))
@@ -184,8 +183,9 @@ class _Differences:
         return first, np.hstack([fourth, (p1 + m1 - 2.0 * centre) / (h * h)])
 
     def first(self, columns: Matrix) -> Matrix:
-        """First derivatives of M columns from one pair of passes with a shorter step, where second
-        derivatives would drown in rounding.
+        """First derivatives of M columns from one pair of passes with a shorter step.
+
+        With this step second derivatives would be lost in rounding.
         """
         h = _SHORTER * self.step
         return (self._beside(h, columns) - self._beside(-h, columns)) / (2.0 * h)
@@ -202,9 +202,9 @@ def _solve(linear: ManifoldLinearisation, value: complex, columns: Complex) -> C
     real = np.hstack([columns.real, columns.imag])
     # q value = Q (M q + x) as a real pair [Re q, Im q]
     inverse = np.asarray(np.kron(np.linalg.inv(matrix), np.eye(count)), dtype=np.float64)
-    swept = sweep(linear.at, basis, real, inverse, _SOLVE_TOLERANCE, sizes=1.0 / linear.scale)
+    picard = picard_iteration(linear.at, basis, real, inverse, _SOLVE_TOLERANCE, sizes=1.0 / linear.scale)
     # (H - value) a = -V'(x + M q)
-    sources = columns + swept.image[:, :count] + 1j * swept.image[:, count:]
+    sources = columns + picard.image[:, :count] + 1j * picard.image[:, count:]
     projected = basis.T @ linear.image.columns
     inside = np.linalg.solve(value * np.eye(len(projected)) - projected, basis.T @ sources)
-    return np.asarray(basis @ inside + swept.columns[:, :count] + 1j * swept.columns[:, count:])
+    return np.asarray(basis @ inside + picard.columns[:, :count] + 1j * picard.columns[:, count:])

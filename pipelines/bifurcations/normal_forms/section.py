@@ -1,4 +1,4 @@
-"""The return map to a section across a cycle of unknown period, in the place of the map over its period.
+"""The return map to a section across a cycle of unknown period, used instead of the map over its period.
 
 The map over a fixed time has the multiplier 1 along the cycle, so that the normal forms of cycles of unknown
 period are those of the return map P to the section <n, s - s_0> = 0: with the return time tau(s)
@@ -45,7 +45,7 @@ class ReturnMapAt(MapAt):
         return replace(image, columns=self.projected(image.columns))
 
     def beside(self, direction: Position, distance: float) -> ReturnMapAt:
-        """P at position + distance direction, where the orbit returns after another time."""
+        """P at position + distance direction, where the return time differs."""
         at = replace(self, position=self.position.plus(direction, distance))
         for _ in range(_ITERATIONS):
             image = MapAt.tangent(at, np.zeros((len(self.normal), 0)), period_column=True, once=True)
@@ -58,8 +58,10 @@ class ReturnMapAt(MapAt):
         return at
 
     def length(self, columns: Matrix) -> float:
-        """The norm of vectors of the section, those of a forced system carried to phase zero of its forcing:
-        the place of a cycle of unknown period is that of the phase condition.
+        """The norm of vectors of the section.
+
+        Those of a forced system are carried to phase zero of its forcing: the position of a cycle of
+        unknown period is set by the phase condition.
         """
         angle = self._angle_to_zero()
         if angle == 0.0:

@@ -1,4 +1,4 @@
-"""Normal forms of maps that are only piecewise smooth, from regularised maps beside them.
+"""Normal forms of piecewise smooth maps, computed from regularised maps.
 
 A piecewise smooth force has third derivatives with singularities at the moments where a piece begins or
 ends.  The flow may still be smooth, but time steps miss what happens between them, so that differences of the
@@ -15,7 +15,7 @@ import numpy as np
 
 from pipelines.bifurcations.critical.correction import CriticalCycle, CurveConstraint
 from pipelines.bifurcations.critical.corrector import correct_critical, with_converged_multipliers
-from pipelines.bifurcations.critical.critical_cycles import Frame, with_sharp_left
+from pipelines.bifurcations.critical.critical_cycles import BorderingVectors, with_sharp_left
 from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions, normal_form
 from pipelines.orbits.period_map import PeriodMap
 
@@ -25,11 +25,11 @@ _LEFT = 1e-6  # last term of the series for its left vectors
 
 
 def smoothed_normal_form(
-    found: CriticalCycle, frame: Frame, constraint: CurveConstraint, options: NormalFormOptions
+    found: CriticalCycle, bordering: BorderingVectors, constraint: CurveConstraint, options: NormalFormOptions
 ) -> NormalForm | None:
     """The normal form at a corrected point of a curve: of the first smooth map, if the problem has any.
 
-    Each smooth map is given its own critical cycle, corrected from ``found`` with ``frame`` in the plane of
+    Each smooth map has its own critical cycle, corrected from ``found`` with ``bordering`` in the plane of
     ``constraint``.  The error is that of the differences plus the largest distance of the other smooth maps.
     None when one of the cycles is not found, or as in ``normal_form``.
     """
@@ -38,7 +38,7 @@ def smoothed_normal_form(
         return normal_form(found.linear, found.critical, options)
     forms = []
     for smooth in problem.smooth_maps:
-        form = _smooth_form(smooth, found, frame, constraint, options)
+        form = _smooth_form(smooth, found, bordering, constraint, options)
         if form is None:
             return None
         forms.append(form)
@@ -53,7 +53,7 @@ def smoothed_normal_form(
 def _smooth_form(
     smooth: PeriodMap,
     found: CriticalCycle,
-    frame: Frame,
+    bordering: BorderingVectors,
     constraint: CurveConstraint,
     options: NormalFormOptions,
 ) -> NormalForm | None:
@@ -66,11 +66,11 @@ def _smooth_form(
     problem = replace(at.problem, period_map=smooth, smooth_maps=(), options=tolerances)
     try:
         point = correct_critical(
-            problem, found.position, constraint, found.basis, frame, found.steps, at.reference
+            problem, found.position, constraint, found.basis, bordering, found.steps, at.reference
         ).point
         if point is None:
             return None
-        point = with_converged_multipliers(point, frame, tolerances.multiplier_tolerance)
+        point = with_converged_multipliers(point, bordering, tolerances.multiplier_tolerance)
         critical = with_sharp_left(point.linear, point.critical, _LEFT)
     except np.linalg.LinAlgError:
         return None

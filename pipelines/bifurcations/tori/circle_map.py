@@ -21,7 +21,9 @@ from pipelines.orbits.system import Matrix, Vector
 
 @dataclass(frozen=True)
 class CircleImage:
-    """``state`` (N,): P(x; theta); ``columns`` (N, m): dP/dx applied to the block; ``by_parameter`` (N,):
+    """The image of a state under a map over a circle, with derivatives.
+
+    ``state`` (N,): P(x; theta); ``columns`` (N, m): dP/dx applied to the block; ``by_parameter`` (N,):
     dP/d parameter, zero unless asked for; ``finite`` is False when the orbit diverged.
     """
 
@@ -32,11 +34,11 @@ class CircleImage:
 
 
 class CircleMap(Protocol):
-    """What the solver of invariant curves asks of a map."""
+    """What the solver of invariant curves requires of a map."""
 
     @property
     def size(self) -> int:
-        """N."""
+        """Number of states N."""
 
     def rotation(self, parameter: float) -> tuple[float, float] | None:
         """rho [rad], not reduced to a turn, and d rho/d parameter; None when it is an unknown."""
@@ -44,7 +46,7 @@ class CircleMap(Protocol):
     def evaluate(
         self, state: Vector, angle: float, parameter: float, columns: Matrix, with_parameter: bool
     ) -> CircleImage:
-        """P with the derivatives asked for, in one pass."""
+        """P with the requested derivatives, in one pass."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ import numpy as np
 from pipelines.bifurcations.acceptance import StepRule, refusal
 from pipelines.bifurcations.continuation import (
     CubicPiece,
+    Limit,
     Rejected,
     Tracer,
     adapted_length,
@@ -46,10 +47,8 @@ from pipelines.bifurcations.tori.problem import (
 from pipelines.bifurcations.tori.slow_bases import SlowBases
 from pipelines.bifurcations.tori.stability import TorusSpectrum, settled_spectrum
 from pipelines.bifurcations.tori.torus import (
-    TorusLimit,
     TorusOptions,
     TorusPoint,
-    TorusRecord,
     TorusResult,
     TorusStart,
     TorusState,
@@ -71,11 +70,11 @@ def continue_torus(
     problem: TorusProblem,
     start: TorusStart | TorusState,
     options: TorusOptions,
-    record: TorusRecord,
-    limit: TorusLimit | None = None,
+    record: Callable[[TorusPoint, TorusState], None],
+    limit: Limit[TorusPoint] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> TorusResult:
-    """Trace a branch of tori from a guess, or go on from a recorded state.
+    """Trace a branch of tori from a guess, or resume it from a recorded state.
 
     ``record(point, state)`` is called once per accepted point; ``state`` is all that is needed to restart
     after it.  ``limit(point)`` returns a sentence when the point must not be accepted, which ends the branch
@@ -129,7 +128,7 @@ class _Segment(CubicPiece[TorusUnknowns]):
 
 @dataclass(frozen=True)
 class _Tori(Tracer[TorusState, _Step]):
-    """A branch of tori for the driver."""
+    """A branch of tori as the driver sees it."""
 
     problem: TorusProblem
     options: TorusOptions
@@ -162,7 +161,7 @@ class _Tori(Tracer[TorusState, _Step]):
         return TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms), state
 
     def stop_reason(self, state: TorusState) -> TorusStop | None:
-        """Why nothing follows a state."""
+        """Why the branch ends at a state; None if it continues."""
         if leaves_ranges((state.parameter,), (state.tangent_parameter,), (self.options.range,)):
             return TorusStop.RANGE
         return TorusStop.MAXIMUM_POINTS if state.index + 1 >= self.options.max_points else None
@@ -204,8 +203,9 @@ class _Tori(Tracer[TorusState, _Step]):
         return _state(self.problem, point.torus, point.spectrum, step.tangent, index, length, arclength)
 
     def _predict_and_correct(self, state: TorusState) -> TorusCorrection:
-        """Tangent predictor and arclength corrector; past the end of the range the parameter is fixed to it
-        instead.
+        """Correct the tangent prediction on the arclength row.
+
+        Beyond the end of the range the parameter is fixed to that end instead.
         """
         problem, ranges = self.problem, (self.options.range,)
         row = self.metric.row(state.tangent)
@@ -229,7 +229,7 @@ class _Tori(Tracer[TorusState, _Step]):
 def _correct_on_bound(
     problem: TorusProblem, state: TorusState, beyond: TorusUnknowns, bound: float, reference: Matrix | None
 ) -> TorusCorrection:
-    """The torus on the end of the range, guessed between the state and a place beyond."""
+    """The torus at the end of the range, guessed between the state and a point beyond the end."""
     share = (bound - state.parameter) / (beyond.parameter - state.parameter)
     guess = state.unknowns.plus(beyond.minus(state.unknowns), share)
     constraint = fixed_parameter(problem, len(state.states), bound)
@@ -241,13 +241,15 @@ def _known(problem: TorusProblem, parameter: float) -> bool:
 
 
 def _reference(problem: TorusProblem, unknowns: TorusUnknowns) -> Matrix | None:
-    """The curve that fixes the phase of its neighbours."""
+    """The curve that sets the phase condition of its neighbours."""
     return None if _known(problem, unknowns.parameter) else unknowns.states
 
 
 def _collapsed(problem: TorusProblem, unknowns: TorusUnknowns, before: TorusUnknowns) -> bool:
-    """Whether the deviation from the mean turned against that of the curve before: between them a torus with
-    unknown rotation was a cycle, through which the same tori continue with half a turn of the angle.
+    """Whether the deviation from the mean reversed its direction since the last curve.
+
+    Between them a torus with unknown rotation was a cycle, through which the same tori continue with
+    half a turn of the angle.
     """
     if _known(problem, unknowns.parameter):
         return False
@@ -285,7 +287,7 @@ def _state(
 
 
 def _following_count(problem: TorusProblem, torus: Torus) -> int:
-    """Half of the angles, or half of that, while they would be far more than enough."""
+    """Half of the angles, or a quarter, as long as they would be far more than enough."""
     count, fourier = torus.count, problem.fourier
     scale = size_of(torus.unknowns.states)
     found = amplitudes(torus.unknowns.states)
@@ -302,6 +304,6 @@ def _resonance(rotation: float) -> str:
 
 
 def _roughness(problem: TorusProblem, torus: Torus) -> str:
-    """What is known of a curve whose Fourier series does not fall."""
+    """The Fourier error of a torus, its place and its nearest resonance, in words."""
     said = f"with {torus.count} angles {torus.error:.1e} is missing at {torus.unknowns.parameter:.8g}"
     return f"{said}; {_resonance(torus.unknowns.rotation)}"

@@ -80,8 +80,10 @@ def amplitudes(values: Matrix) -> Vector:
 
 
 def tail(found: Vector) -> float:
-    """What an interpolant lacks, from its ``amplitudes``: the largest one of the last quarter, less what the
-    amplitudes fall from the third quarter to the last.
+    """The part of an interpolant that its wave numbers miss, estimated from its ``amplitudes``.
+
+    The largest one of the last quarter, less what the amplitudes fall from the third quarter to the
+    last.
     """
     last = len(found) - 1
     third, fourth = math.ceil((1.0 - 2.0 * _QUARTER) * last), math.ceil((1.0 - _QUARTER) * last)
@@ -90,8 +92,9 @@ def tail(found: Vector) -> float:
 
 
 def nearest_fraction(rotation: float, largest_denominator: int) -> tuple[int, int, float]:
-    """(p, q, distance): the fraction of a turn that ``rotation`` [rad] is nearest to, with the distance times
-    q, so that small denominators are preferred.
+    """The fraction of a turn that ``rotation`` [rad] is nearest to, as (p, q, distance).
+
+    The distance is multiplied by q, so that small denominators are preferred.
     """
     turn = rotation / (2.0 * math.pi)
     distances = [

@@ -132,7 +132,7 @@ def correct_on_angles(
     bases: SlowBases,
     reference: Matrix | None = None,
 ) -> TorusCorrection:
-    """The same with exactly the angles of the guess."""
+    """Find the invariant curve with exactly the angles of the guess."""
     if problem.circle.rotation(guess.parameter) is None and reference is None:
         raise ValueError("an unknown rotation needs a reference curve for its phase")
     unknowns, options = problem.consistent(guess), problem.options

@@ -1,4 +1,4 @@
-"""What an invariant curve is sought with: the problem, its unknowns, the closing condition, the metric."""
+"""The problem of an invariant curve: its unknowns, closing condition and metric."""
 
 from __future__ import annotations
 
@@ -69,14 +69,14 @@ TorusMetric = Metric[TorusUnknowns]
 
 
 def resampled_constraint(constraint: TorusConstraint, count: int) -> TorusConstraint:
-    """The same condition on a curve with another number of angles: a mean over them."""
+    """The condition for a curve with another number of angles: a mean over them."""
     old = len(constraint.row.states)
     row = constraint.row.resampled(count)
     return replace(constraint, row=replace(row, states=row.states * (old / count)))
 
 
 def fixed_parameter(problem: TorusProblem, count: int, value: float) -> TorusConstraint:
-    """lambda = value, for curves of ``count`` angles."""
+    """The condition lambda = value, for curves of ``count`` angles."""
     return TorusConstraint(TorusUnknowns(np.zeros((count, problem.circle.size)), 0.0, 1.0), value)
 
 

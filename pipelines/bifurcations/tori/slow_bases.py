@@ -35,7 +35,7 @@ class SlowBases:
 
     @property
     def whole(self) -> bool:
-        """Whether they span the whole space: then they are identities and stay so."""
+        """Whether the bases span the whole space: then they are identities and stay so."""
         return self.columns.shape[1] == self.columns.shape[2]
 
     def following(self, columns: Array, rotation: float) -> SlowBases:
@@ -46,14 +46,14 @@ class SlowBases:
         return replace(self, columns=aligned_frames(applied(shift, columns), self.columns, self.leading))
 
     def resampled(self, count: int) -> SlowBases:
-        """The same at another number of angles."""
+        """The bases at another number of angles."""
         if self.whole:
             return constant_bases(self.columns[0], count)
         moved = resampled(self.columns, count)
         return replace(self, columns=aligned_frames(moved, moved, self.leading))
 
     def grown(self, moduli: Vector, options: BasisOptions) -> SlowBases:
-        """With fixed new directions when the moduli of the multipliers ask for more columns."""
+        """The bases with fixed new directions, if the moduli of the multipliers require more columns."""
         count, size, width = self.columns.shape
         wanted = wanted_columns(moduli, size, options)
         if self.whole or wanted <= width:
@@ -70,8 +70,9 @@ def constant_bases(basis: Matrix, count: int) -> SlowBases:
 
 
 def aligned_frames(blocks: Array, old: Array, leading: int) -> Array:
-    """Orthonormal bases of the spans of ``blocks`` (M, N, k), nested: the first columns span those of the
-    leading blocks.  Both parts are turned to be the nearest to ``old``.
+    """Nested orthonormal bases of the spans of ``blocks`` (M, N, k), turned to be nearest to ``old``.
+
+    The first columns span the leading blocks.  Both parts are turned.
     """
     nested, _ = np.linalg.qr(blocks)
     parts = [
@@ -88,8 +89,9 @@ def _turned(frames: Array, old: Array) -> Array:
 
 
 def leading_columns(moduli: Vector, cut: float) -> int:
-    """How many columns belong to multipliers above the cut, and as many more as there are up to the widest
-    gap; all of them where there is no gap.  ``moduli`` by falling size.
+    """How many columns belong to multipliers above the cut, extended to the widest gap.
+
+    All of them where there is no gap.  ``moduli`` by falling size.
     """
     slow = max(1, int(np.sum(moduli > cut)))
     ratios = moduli[slow - 1 : -1] / np.maximum(moduli[slow:], np.finfo(float).tiny)
@@ -100,8 +102,9 @@ def leading_columns(moduli: Vector, cut: float) -> int:
 
 
 def leading_coordinates(bases: Array, columns: Array, rotation: float, leading: int, moduli: Vector) -> Array:
-    """Coordinates (M, k, p) in the bases V of smooth orthonormal frames of the p slowest directions, p =
-    ``leading``, by subspace iteration with the images M V = ``columns``: no passes are needed.
+    """Smooth orthonormal frames of the p slowest directions, as coordinates (M, k, p) in the bases V.
+
+    p = ``leading``.  Subspace iteration uses the images M V = ``columns``: no passes are needed.
 
     It starts from the constant frame of the mean map, near which the others can be turned smoothly.
     """
@@ -125,7 +128,7 @@ def leading_coordinates(bases: Array, columns: Array, rotation: float, leading: 
 
 
 def rearranged(bases: Array, columns: Array, coordinates: Array) -> tuple[SlowBases, Array]:
-    """V and M V turned at every angle so that the frames with the given coordinates are the leading block."""
+    """V and M V rotated at every angle so that frames with the given coordinates come first."""
     complete, _ = np.linalg.qr(coordinates, mode="complete")
     leading = coordinates.shape[2]
     turn = np.concatenate([coordinates, complete[:, :, leading:]], axis=2)

@@ -71,7 +71,7 @@ class TorusSpectrum:
 
     @property
     def moduli(self) -> Vector:
-        """Without the trivial one, by falling size; from the growth where the spectrum is not complete."""
+        """Nontrivial moduli by falling size; from the growth if the spectrum is not complete."""
         if self.complete:
             moduli = np.abs(self.multipliers)
             return moduli if self.trivial < 0 else np.delete(moduli, self.trivial)
@@ -81,18 +81,19 @@ class TorusSpectrum:
 
     @property
     def unstable(self) -> int:
-        """Multipliers outside the unit circle, by more than their error."""
+        """Number of multipliers outside the unit circle by more than their error."""
         return int(np.sum(self.moduli > 1.0 + (_OUTSIDE if self.complete else _GROWTH_ERROR)))
 
     @property
     def decided(self) -> bool:
-        """Whether no modulus is so near to one that growth rates do not tell on which side it lies."""
+        """Whether every modulus is far enough from one for growth rates to decide on its side."""
         return self.complete or not bool(np.any(np.abs(self.moduli - 1.0) <= _GROWTH_ERROR))
 
 
 def settled_spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusSpectrum]:
-    """The spectrum, after as many further subspace iterations as its multipliers need, and the curve with the
-    bases of the last one, their leading block arranged anew.
+    """The spectrum after as many further subspace iterations as its multipliers need, and the curve.
+
+    The curve has the bases of the last iteration, with a new leading block.
     """
     torus, spectrum = _spectrum(problem, torus)
     before = math.inf
@@ -109,7 +110,7 @@ def settled_spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusS
 
 
 def torus_spectrum(problem: TorusProblem, torus: Torus) -> TorusSpectrum:
-    """The spectrum in the bases that the curve has."""
+    """The spectrum in the curve's own bases."""
     return _spectrum(problem, torus)[1]
 
 
@@ -149,8 +150,9 @@ def transport(frames: Array, images: Array, rotation: float) -> Array:
 
 
 def _circles(compressed: Array, rotation: float, cut: float) -> tuple[Complex, Complex]:
-    """One eigenvalue of every circle and its eigenfunction, with as many wave numbers as those above the cut
-    need; as from ``_one_of_each``.
+    """One eigenvalue of every circle and its eigenfunction, as from ``_one_of_each``.
+
+    With as many wave numbers as the eigenvalues above the cut need.
     """
     count, fullest = len(compressed), len(compressed) // 2
     behind = applied(shift_matrix(count, -rotation)[0], compressed)  # C(theta - rho)
@@ -167,9 +169,11 @@ def _circles(compressed: Array, rotation: float, cut: float) -> tuple[Complex, C
 
 
 def growth_moduli(compressed: Array, rotation: float) -> Vector:
-    """Moduli of the multipliers by falling size: exp of the mean of log diag R in C Q = Q_next R along the
-    rotation, weighted by the bump exp(-1/(t (1 - t))), whose means converge faster than any power of the
-    number of steps; the largest over a few starting angles.
+    """Moduli of the multipliers by falling size, from growth rates along the rotation.
+
+    exp of the mean of log diag R in C Q = Q_next R along the rotation, weighted by the bump exp(-1/(t (1
+    - t))), whose means converge faster than any power of the number of steps; the largest over a few
+    starting angles.
     """
     width, starts = compressed.shape[1], np.array(_GROWTH_STARTS)
     time = np.arange(1, _GROWTH_STEPS + 1) / (_GROWTH_STEPS + 1.0)
@@ -186,8 +190,10 @@ def growth_moduli(compressed: Array, rotation: float) -> Vector:
 
 
 def _one_of_each(compressed: Array, rotation: float, waves: int) -> tuple[Complex, Complex]:
-    """One eigenvalue of every circle, by falling modulus (m,), and its eigenfunction as coefficients of the
-    wave numbers -L..L in the bases, (m, 2 L + 1, k), L = ``waves``.
+    """One eigenvalue of every circle, by falling modulus (m,), and its eigenfunction.
+
+    The eigenfunction has coefficients of the wave numbers -L..L in the bases, (m, 2 L + 1, k), L =
+    ``waves``.
     """
     width = compressed.shape[1]
     numbers = np.arange(-waves, waves + 1)

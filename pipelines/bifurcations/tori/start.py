@@ -1,5 +1,4 @@
-"""Where branches of tori start: around a cycle that is driven by a second frequency, or at a Neimark-Sacker
-point.
+"""Where branches of tori start: around a cycle with a second driving frequency, or at a Neimark-Sacker point.
 
 At a Neimark-Sacker point with M q = e^(i theta_0) q the invariant curves are
 
@@ -37,8 +36,9 @@ _EIGENVECTOR_RESIDUAL = 1e-8
 
 
 def torus_around(problem: TorusProblem, state: Vector, parameter: float) -> TorusStart:
-    """The start for a curve around a state (N,) of a map with known rotation: a constant curve, with slow
-    bases from subspace iteration.  Raises ValueError for an unknown rotation.
+    """The start for a constant curve around a state (N,) of a map with known rotation.
+
+    Its slow bases come from subspace iteration.  Raises ValueError for an unknown rotation.
     """
     if problem.circle.rotation(parameter) is None:
         raise ValueError("a curve of unknown rotation does not start from a constant; use torus_from_event")
@@ -48,8 +48,10 @@ def torus_around(problem: TorusProblem, state: Vector, parameter: float) -> Toru
 
 
 def first_bases(problem: TorusProblem, unknowns: TorusUnknowns) -> SlowBases:
-    """Slow bases of a curve that has none: subspace iteration on a fixed block, enlarged until the smallest
-    multiplier is below the cut.  Identities when the system is no larger than the initial block.
+    """Slow bases of a curve that has none, by subspace iteration on a fixed block.
+
+    The block is enlarged until the smallest multiplier is below the cut.  Identities when the system is
+    no larger than the initial block.
     """
     count, size = unknowns.states.shape
     options = problem.options.basis
@@ -71,7 +73,7 @@ def first_bases(problem: TorusProblem, unknowns: TorusUnknowns) -> SlowBases:
 
 @dataclass(frozen=True)
 class BornTorus:
-    """The start of the branch of tori at a Neimark-Sacker point: for ``continue_torus(problem, start, ...)``.
+    """The start of the branch of tori at a Neimark-Sacker point, for ``continue_torus(problem, start, ...)``.
 
     ``direction``: the sense of the parameter in which the branch leaves the point; ``correction``: how the
     first torus was found.
@@ -117,7 +119,7 @@ def torus_from_event(
 
 
 def _critical_vector(problem: CycleProblem, event: Event) -> tuple[Complex, Matrix] | None:
-    """The eigenvector of e^(i theta_0), its largest entry one, and the slow basis that holds it."""
+    """The eigenvector of e^(i theta_0), scaled to the largest entry one, and the slow basis that holds it."""
     period_map = problem.period_map
     basis = first_basis(problem, Unknowns(event.state, event.period, float(event.parameters[problem.index])),
                         event.steps)  # fmt: skip

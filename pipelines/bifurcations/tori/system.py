@@ -1,4 +1,4 @@
-"""The linear system of Newton-Picard for invariant curves, as drawn in ``invariant_curve``."""
+"""The linear system of Newton-Picard for invariant curves, as shown in ``invariant_curve``."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def pass_from_all(
 
 
 def carried(unknowns: TorusUnknowns, values: Array) -> Array:
-    """S(-rho) values: what a pass brings to the angles themselves, shape (M, ...)."""
+    """S(-rho) values: the images of a pass moved back to the angles themselves, shape (M, ...)."""
     return applied(shift_matrix(len(values), -unknowns.rotation)[0], values)
 
 
@@ -64,15 +64,17 @@ class PhaseRow:
 
 @dataclass(frozen=True)
 class Linearised:
-    """``reduced`` (M k, M k): V'D V; ``sources`` and ``swept``, ``swept_image`` (M, N, c): x, q_x and D q_x
-    for r, Phi_l and, when rho is unknown, Phi_rho.
+    """The derivatives at a curve in reduced form.
+
+    ``reduced`` (M k, M k): V'D V; ``sources`` and ``picard``, ``picard_image`` (M, N, c): x, q_x and D
+    q_x for r, Phi_l and, when rho is unknown, Phi_rho.
     """
 
     bases: Array
     reduced: Matrix
     sources: Array
-    swept: Array
-    swept_image: Array
+    picard: Array
+    picard_image: Array
 
 
 def linearise(problem: TorusProblem, unknowns: TorusUnknowns, bases: Array, passed: CirclePass) -> Linearised:
@@ -86,8 +88,8 @@ def linearise(problem: TorusProblem, unknowns: TorusUnknowns, bases: Array, pass
         sources = np.stack([residual, by_parameter, by_rotation], axis=2)
     else:
         sources = np.stack([residual, by_parameter + known[1] * by_rotation], axis=2)
-    swept, image = _sweep(problem, unknowns, bases, shift, sources)
-    return Linearised(bases, reduced_transport(bases, passed.columns, shift), sources, swept, image)
+    picard, image = _picard_iteration(problem, unknowns, bases, shift, sources)
+    return Linearised(bases, reduced_transport(bases, passed.columns, shift), sources, picard, image)
 
 
 def reduced_transport(bases: Array, columns: Array, shift: Matrix) -> Matrix:
@@ -100,38 +102,38 @@ def reduced_transport(bases: Array, columns: Array, shift: Matrix) -> Matrix:
     return blocks.reshape(count * width, count * width)
 
 
-def _outside(bases: Array, values: Array) -> Array:
+def _project_out(bases: Array, values: Array) -> Array:
     """Q x = x - V V'x at every angle, for values (M, N, c)."""
     return np.asarray(values - bases @ (np.swapaxes(bases, 1, 2) @ values))
 
 
-def _sweep(
+def _picard_iteration(
     problem: TorusProblem, unknowns: TorusUnknowns, bases: Array, shift: Matrix, sources: Array
 ) -> tuple[Array, Array]:
-    """q <- Q (D q + x) until a sweep moves every q by little against its x; q and D q."""
+    """Repeat q <- Q (D q + x) until every q changes little against its x; returns q and D q."""
     if bases.shape[1] == bases.shape[2]:
         return np.zeros_like(sources), np.zeros_like(sources)
-    swept, image = _outside(bases, sources), np.zeros_like(sources)
+    picard, image = _project_out(bases, sources), np.zeros_like(sources)
     sizes = np.linalg.norm(sources, axis=(0, 1))
     for _ in range(problem.options.picard_sweeps):
-        passed = pass_from_all(problem, unknowns, np.ascontiguousarray(swept), False)
+        passed = pass_from_all(problem, unknowns, np.ascontiguousarray(picard), False)
         image = applied(shift, passed.columns)
-        following = _outside(bases, image + sources)
-        moved = np.linalg.norm(following - swept, axis=(0, 1))
+        following = _project_out(bases, image + sources)
+        moved = np.linalg.norm(following - picard, axis=(0, 1))
         if np.all(moved <= problem.options.picard_tolerance * sizes):
             break
-        swept = following
-    return swept, image
+        picard = following
+    return picard, image
 
 
 def solve_bordered(
     linear: Linearised, phase: PhaseRow | None, offset: float, row: TorusUnknowns, gap: float
 ) -> TorusUnknowns | None:
-    """The update (dX, drho, dl) of the system drawn in ``invariant_curve``."""
+    """The update (dX, drho, dl) of the system shown in ``invariant_curve``."""
     count, _, width = linear.bases.shape
     inner, tails = count * width, linear.sources.shape[2] - 1
     matrix, right = np.empty((inner + tails, inner + tails)), np.empty(inner + tails)
-    projected = np.swapaxes(linear.bases, 1, 2) @ (linear.sources + linear.swept_image)
+    projected = np.swapaxes(linear.bases, 1, 2) @ (linear.sources + linear.picard_image)
     projected = projected.reshape(inner, tails + 1)
     # V'(D - I)V a + V'(Phi_l + D q_l) dl + V'(Phi_rho + D q_rho) drho = -V'(r + D q_r)
     matrix[:inner, :inner] = linear.reduced
@@ -152,7 +154,7 @@ def solve_bordered(
         return None
     weights = np.concatenate([[1.0], solution[inner:]])
     inside = linear.bases @ solution[:inner].reshape(count, width, 1)
-    states = inside[:, :, 0] + linear.swept @ weights
+    states = inside[:, :, 0] + linear.picard @ weights
     rotation = float(solution[inner + 1]) if tails == 2 else 0.0
     return TorusUnknowns(np.ascontiguousarray(states), rotation, float(solution[inner]))
 
@@ -160,5 +162,5 @@ def solve_bordered(
 def _border(linear: Linearised, row: Matrix, direct: Vector, gap: float) -> tuple[Vector, float]:
     """One closing row in the unknowns of the small system, and its right side."""
     inside = (row[:, None, :] @ linear.bases).ravel()
-    swept: Vector = np.tensordot(row, linear.swept, axes=2)
-    return np.concatenate([inside, direct + swept[1:]]), -gap - float(swept[0])
+    picard: Vector = np.tensordot(row, linear.picard, axes=2)
+    return np.concatenate([inside, direct + picard[1:]]), -gap - float(picard[0])

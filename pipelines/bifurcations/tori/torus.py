@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -16,10 +15,10 @@ from pipelines.orbits.system import Matrix
 
 
 class TorusStop(Enum):
-    """Why a branch of tori ended, with what to do about it."""
+    """Why a branch of tori ended, with advice."""
 
-    RANGE = "the end of the parameter range is reached: widen the range to go on"
-    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to go on"
+    RANGE = "the end of the parameter range is reached: widen the range to continue"
+    MAXIMUM_POINTS = "the maximum number of points is reached: raise max_points to continue"
     MINIMUM_STEP = "the step fell below its minimum: lower minimum_step or allow more iterations"
     ROUGH = (
         "the Fourier series of the curve no longer falls below its tolerance: the torus locks or breaks up; "
@@ -27,7 +26,7 @@ class TorusStop(Enum):
     )
     COLLAPSED = "the torus shrank onto a cycle: follow the cycles through the Neimark-Sacker point"
     LIMIT = "a limit set by the caller is reached"
-    INTERRUPTED = "stopped on request after a complete point: start again to go on"
+    INTERRUPTED = "stopped on request after a complete point: run again to resume"
     START_FAILED = "the first torus did not converge: start at another parameter or from a better guess"
 
     @property
@@ -66,8 +65,10 @@ class TorusOptions:
 
 @dataclass(frozen=True)
 class TorusStart:
-    """A guess for the first torus: ``states`` (M, N) at equally spaced angles, M odd, the slow ``bases``
-    there, the parameter, and the rotation when it is unknown.
+    """A guess for the first torus.
+
+    ``states`` (M, N) at equally spaced angles, M odd, the slow ``bases`` there, the parameter, and the
+    rotation when it is unknown.
     """
 
     states: Matrix
@@ -78,7 +79,7 @@ class TorusStart:
 
 @dataclass(frozen=True)
 class TorusState(ResumableState):
-    """Everything the next step depends on, as plain arrays and numbers.
+    """Everything that determines the next step, as plain arrays and numbers.
 
     A branch restarted from a copy of it continues with the same bits.  ``states``, ``tangent_states`` (M, N),
     ``bases`` (M, N, k) with ``leading`` smooth columns; ``index`` counts the recorded points from zero;
@@ -132,5 +133,3 @@ class TorusPoint:
 
 
 TorusResult = Result[TorusState]
-TorusRecord = Callable[[TorusPoint, TorusState], None]
-TorusLimit = Callable[[TorusPoint], str | None]

@@ -2,7 +2,7 @@
 
 - equilibrium: damped Newton for a film or the machine
 - linear: bearing coefficients, leading eigenvalues, the speed of instability
-- modes: oscillating modes at one speed, and which is which at another
+- modes: oscillating modes at one speed, and their matching between speeds
 - campbell: modes followed over the speed
 - followed_mode: one mode, followed to any speed
 - critical_speeds: critical speeds, their count, predicted parametric resonances

@@ -20,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from pipelines.case.arrays import Array, ComplexArray
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rotor_modes import whirl_directions
 from pipelines.orbits.equilibria.equilibrium import equilibrium_along
 from pipelines.orbits.equilibria.followed_mode import FollowedMode, LostModeError
-from pipelines.orbits.equilibria.linear import Array, ComplexArray, at_speed
+from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.orbits.equilibria.modes import LARGEST_DAMPING_RATIO, Match, ModeSet, match_modes, modes_at
 
 # Modes up to this many times the highest speed are followed.
@@ -42,7 +43,7 @@ TOUCHING = 1e-10
 
 @dataclass(frozen=True)
 class CampbellDiagram:
-    """Modes followed over the speeds, asked for and inserted; NaN where a mode does not exist.
+    """Modes followed over the requested and inserted speeds; NaN where a mode does not exist.
 
     ``eigenvalues`` (speeds, modes), ``directions`` (speeds, modes): +1 forward, -1 backward, 0 planar.
     ``missing``: reasons of the speeds without equilibrium, by index.  ``sets``: the modes at every speed;
@@ -67,7 +68,7 @@ class CampbellDiagram:
 
 @dataclass
 class _Path:
-    """The diagram as it grows: one entry for every speed, one match less."""
+    """The growing diagram: one entry for every speed, and one match between neighbours."""
 
     machine: Machine
     parameters: Array
@@ -80,7 +81,7 @@ class _Path:
     matches: list[Match | None] = field(default_factory=list)
 
     def insert(self, index: int, speeds: Array, place: int) -> None:
-        """Compute ``speeds[place]`` and put it at ``index``; its neighbours are those of ``speeds``."""
+        """Compute ``speeds[place]`` and insert it at ``index``; its neighbours are those of ``speeds``."""
         speed, guess = float(speeds[place]), self._guess(index)
         equilibrium = equilibrium_along(self.machine, self.parameters, speeds, place, guess)
         state = equilibrium.state if equilibrium.converged else None
@@ -96,7 +97,7 @@ class _Path:
                 self.matches[first] = self._match(first, first + 1)
 
     def _guess(self, index: int) -> Array | None:
-        """The state at the speed below, or at the last one below that has an equilibrium."""
+        """The state at the next lower speed that has an equilibrium."""
         return next((state for state in reversed(self.states[:index]) if state is not None), None)
 
     def _match(self, first: int, second: int) -> Match | None:
@@ -104,14 +105,14 @@ class _Path:
         return None if one is None or other is None else match_modes(one, other)
 
     def needs_speed(self, interval: int) -> bool:
-        """Whether a speed is to be inserted between two."""
+        """Whether a speed must be inserted between two."""
         width = (self.speeds[interval + 1] - self.speeds[interval]) / (self.speeds[-1] - self.speeds[0])
         if (self.sets[interval] is None) != (self.sets[interval + 1] is None):
             return width > CLOSEST_TO_GAP
         return width > 2.0 * CLOSEST and self.is_open(interval)
 
     def is_open(self, interval: int) -> bool:
-        """Whether the modes between two speeds are not known beyond doubt."""
+        """Whether the modes between two speeds are not matched beyond doubt."""
         match, first, second = self.matches[interval], self.sets[interval], self.sets[interval + 1]
         if match is None or first is None or second is None:
             return False
@@ -127,7 +128,7 @@ class _Path:
         return (modes.damping_ratios < self.limit) & (modes.eigenvalues.imag <= top)
 
     def _followed_pairs(self, interval: int) -> list[tuple[int, int]]:
-        """The modes that are the same at both speeds beyond doubt, followed at one of them."""
+        """The modes matched beyond doubt at both speeds, and followed at one of them."""
         match, first, second = self.matches[interval], self.sets[interval], self.sets[interval + 1]
         if match is None or first is None or second is None:
             return []
@@ -146,7 +147,7 @@ class _Path:
         return sorted(found)
 
     def _extremum(self, interval: int, first: int, second: int) -> float | None:
-        """Where the path of a mode comes nearest to the synchronous line, if it is beyond it there."""
+        """Where the path of a mode comes nearest to the synchronous line, if it is beyond the line there."""
         sets, (low, high) = self.sets[interval : interval + 2], self.speeds[interval : interval + 2]
         known = {
             speed: (modes, number)
@@ -165,7 +166,7 @@ class _Path:
         return float(nearest.x) if nearest.fun < -TOUCHING else None
 
     def _may_turn(self, interval: int, first: int, second: int) -> bool:
-        """Whether a mode may meet the synchronous line otherwise than its sides at both speeds say."""
+        """Whether a mode may meet the synchronous line more often than its sides at both speeds suggest."""
         points = [self._excess(interval, first), self._excess(interval + 1, second)]
         before = None if interval == 0 else self.matches[interval - 1]
         if before is not None and first in before.partner:
@@ -185,15 +186,15 @@ class _Path:
 
 
 def _among(pairs: list[tuple[int, int]], end: int, modes: ModeSet) -> NDArray[np.bool_]:
-    """Which modes of an end of an interval are in pairs."""
+    """Which modes at one end of an interval belong to pairs."""
     return np.isin(np.arange(len(modes.eigenvalues)), [pair[end] for pair in pairs])
 
 
 def may_turn(points: Array, own: int) -> bool:
-    """Whether a path g(x) through ``points`` (2 to 4, two) may have other zeros between points ``own`` and
-    ``own + 1`` than the one that a change of sign tells.
+    """Whether a path g(x) through ``points`` may have zeros besides the one that a change of sign shows.
 
-    Without a third point nothing is known of its curvature.
+    Between points ``own`` and ``own + 1`` of the ``points`` (2 to 4, two).  Two points alone do not
+    determine the curvature.
     """
     if len(points) == 2:
         return True
@@ -214,8 +215,9 @@ def campbell_diagram(
     visit: Callable[[int], None] | None = None,
     max_damping_ratio: float = 0.5,
 ) -> CampbellDiagram:
-    """Follow the oscillating modes over rising ``speeds``, and between them where that is needed for modes
-    damped less than ``max_damping_ratio``.
+    """Follow the oscillating modes over rising ``speeds``, with more speeds in between where needed.
+
+    Needed for modes damped less than ``max_damping_ratio``.
 
     ``visit(count)`` is called before each speed with how many of those asked for are done.
     """
@@ -265,7 +267,7 @@ def _diagram(path: _Path) -> CampbellDiagram:
 
 
 def _columns(sets: list[ModeSet | None]) -> tuple[list[list[int]], int]:
-    """Column of every mode at every speed, also across speeds without equilibrium, and how many there are."""
+    """Column of every mode at every speed, also across speeds without equilibrium, and their number."""
     columns: list[list[int]] = []
     last: tuple[ModeSet, list[int]] | None = None
     known = 0

@@ -1,4 +1,4 @@
-"""Critical speeds of a Campbell diagram, what its counts say of them, and predicted parametric resonances.
+"""Critical speeds of a Campbell diagram, their check by counts of modes, and predicted parametric resonances.
 
 A critical speed is where a mode whirls synchronously:
 
@@ -21,11 +21,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array, ComplexArray
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rotor_modes import whirl_directions
 from pipelines.orbits.equilibria.campbell import DAMPING_MARGIN, TOP, CampbellDiagram
 from pipelines.orbits.equilibria.followed_mode import FollowedMode, LostModeError
-from pipelines.orbits.equilibria.linear import Array, ComplexArray
 from pipelines.orbits.equilibria.modes import LARGEST_DAMPING_RATIO, Match, ModeSet
 
 Sides = NDArray[np.bool_]
@@ -40,8 +40,10 @@ NO_EQUILIBRIUM, NOT_TOLD_APART = "there is no equilibrium", "modes cannot be tol
 
 @dataclass(frozen=True)
 class CriticalSpeed:
-    """Synchronous whirl: speed, eigenvalue there, +1 forward / -1 backward / 0 planar, shape (nodes, 2);
-    ``change`` is -1 where the mode falls below the synchronous line with rising speed.
+    """A critical speed: synchronous whirl.
+
+    Speed, eigenvalue there, +1 forward / -1 backward / 0 planar, shape (nodes, 2); ``change`` is -1
+    where the mode falls below the synchronous line with rising speed.
     """
 
     speed: float
@@ -58,8 +60,9 @@ class CriticalSpeed:
 
 @dataclass(frozen=True)
 class Undecided:
-    """Two speeds between which critical speeds may be missing, and why; how many modes are above the
-    synchronous line ``before`` and ``after``.
+    """Two speeds between which critical speeds may be missing, and why.
+
+    ``before`` and ``after``: how many modes are above the synchronous line.
     """
 
     low: float
@@ -70,7 +73,7 @@ class Undecided:
 
     @property
     def matters(self) -> bool:
-        """Whether a critical speed is known to be missing, or modes are mixed up."""
+        """Whether a critical speed is known to be missing, or modes may be confused."""
         return self.before != self.after or self.reason != NO_EQUILIBRIUM
 
     def __str__(self) -> str:
@@ -82,7 +85,7 @@ class Undecided:
 
 @dataclass(frozen=True)
 class CriticalSpeeds:
-    """The critical speeds between the speeds of a diagram, rising, and where there may be others.
+    """The critical speeds between the speeds of a diagram, rising, and where others may be missing.
 
     ``counts`` (speeds,): modes above the synchronous line and below the bound, -1 without equilibrium.
     ``passages``: sum of passages of the bound above the line, +1 for a mode whose damping falls below it.
@@ -166,8 +169,9 @@ def _counted(modes: ModeSet, above: Sides, max_damping_ratio: float) -> Sides:
 
 @dataclass(frozen=True)
 class _Interval:
-    """Two neighbouring speeds with their modes and which of these are ``above`` the synchronous line;
-    ``doubtful`` where closer speeds did not tell them apart.
+    """Two neighbouring speeds with their modes and which of these are ``above`` the synchronous line.
+
+    ``doubtful``: closer speeds did not distinguish the modes.
     """
 
     speeds: tuple[float, float]
@@ -177,19 +181,20 @@ class _Interval:
     doubtful: bool
 
     def crossing(self, limit: float) -> list[tuple[int, int]]:
-        """Those that change the side of the line, damped less than a limit at one of the speeds."""
+        """Modes that change their side of the line, damped less than a limit at one of the speeds."""
         before, after = self.above
         light = [modes.damping_ratios < limit for modes in self.sets]
         return [(j, k) for j, k in self.match.pairs if before[j] != after[k] and (light[0][j] or light[1][k])]
 
     def change(self, max_damping_ratio: float) -> int:
-        """Change of the count of modes above the line and below the bound, by those known at both speeds."""
+        """Change of the count of modes above the line and below the bound, by modes known at both ends."""
         before, after = (_counted(self.sets[end], self.above[end], max_damping_ratio) for end in (0, 1))
         return sum(int(after[partner]) - int(before[mode]) for mode, partner in self.match.pairs)
 
     def doubt_matters(self, max_damping_ratio: float) -> bool:
-        """Whether a mode that cannot be told from others may be one of several at the other speed, the
-        nearest in doubt there, that are on both sides of the synchronous line.
+        """Whether a mode in doubt may be one of several at the other speed on both sides of the line.
+
+        Of those in doubt at the other speed the nearest count.
         """
         if not self.doubtful:
             return False
@@ -205,7 +210,7 @@ class _Interval:
         return False
 
     def _in_doubt(self, end: int) -> NDArray[np.bool_]:
-        """The modes of an end that are not known beyond doubt at the other one."""
+        """The modes of one end that are not matched beyond doubt at the other end."""
         certain = [pair[end] for pair in self.match.pairs if self.match.certain[pair[0]]]
         return ~np.isin(np.arange(len(self.above[end])), certain)
 
@@ -221,7 +226,7 @@ def _interval(diagram: CampbellDiagram, sides: list[Sides | None], index: int) -
 
 
 def _gaps(diagram: CampbellDiagram, counts: NDArray[np.int64]) -> list[Undecided]:
-    """The stretches without equilibrium between speeds that have one."""
+    """The intervals without equilibrium between speeds that have one."""
     present = np.flatnonzero(counts >= 0)
     return [
         Undecided(
@@ -239,7 +244,7 @@ def _gaps(diagram: CampbellDiagram, counts: NDArray[np.int64]) -> list[Undecided
 def _locate(
     machine: Machine, parameters: Array, state: Array | None, interval: _Interval, pair: tuple[int, int]
 ) -> CriticalSpeed | None:
-    """The crossing of a mode with the synchronous line between two speeds; None if it is lost on the way.
+    """The crossing of a mode with the synchronous line between two speeds; None if the mode is lost.
 
     ``state``: the equilibrium at the lower speed.
     """

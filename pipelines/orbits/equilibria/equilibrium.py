@@ -9,16 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from pipelines.case.arrays import Array
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, with_grid
 from pipelines.machine.bearing import Bearing, film_state, linearise_bearing
 from pipelines.machine.regrid import regrid
-
-Array = NDArray[np.float64]
 
 # Equilibria are those of the machine with its rings resting in their mean position: excitation frequency 0.
 MEAN_PHASE = 0.0
@@ -41,7 +39,7 @@ class NewtonOptions:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A solution of f(s) = 0, or the last iterate with the reason why there is none."""
+    """A solution of f(s) = 0, or the last iterate with the reason why there is no solution."""
 
     state: Array
     residual: float
@@ -160,7 +158,7 @@ def equilibrium_along(
 
 
 def _smallest_film(machine: Machine, equilibrium: Equilibrium, still: Array) -> float:
-    """Rounded, so that the same equilibrium from two starts is the same."""
+    """The smallest film thickness, rounded so that equal equilibria from two starts agree."""
     return round(float(machine.minimum_film(MEAN_PHASE, equilibrium.state, still).min()), 6)
 
 
@@ -181,7 +179,7 @@ def _follow_speed(
 
 
 def _still_at(parameters: Array, speed: float) -> Array:
-    """The parameters at another speed, the rings standing still."""
+    """The parameters at another speed, with the rings at rest."""
     still = at_rest(parameters)
     still[film.SPEED] = speed
     return still
@@ -199,7 +197,7 @@ def _from_guesses(machine: Machine, still: Array, guess: Array | None, options: 
 def _from_finer_grid(
     machine: Machine, still: Array, failed: Equilibrium, carried: float, options: NewtonOptions
 ) -> Equilibrium:
-    """Start from the equilibrium on a finer grid; without success say whether a finer grid would help.
+    """Start from the equilibrium on a finer grid; on failure say whether a finer grid would help.
 
     ``carried``: share of the weight that the films carry on the machine's own grid.
     """
@@ -273,7 +271,7 @@ def _ramp_weight(machine: Machine, still: Array, options: NewtonOptions) -> tupl
 
 
 def at_rest(parameters: Array) -> Array:
-    """The parameters with the rings standing still in their mean position (no rate: frequency 0)."""
+    """The parameters with the rings at rest in their mean position (no rate: frequency 0)."""
     still = np.array(parameters, dtype=np.float64)
     still[film.EXCITATION_FREQUENCY] = 0.0
     return still

@@ -1,4 +1,4 @@
-"""One mode followed between two speeds at which it is known, and where it crosses the synchronous line.
+"""One mode followed between two speeds at which it is known, and its crossing of the synchronous line.
 
     g(Omega) = Im lambda(Omega) - Omega = 0
 
@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 from scipy.optimize import brentq
 
+from pipelines.case.arrays import Array
 from pipelines.machine.assembly import Machine
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
-from pipelines.orbits.equilibria.linear import Array, at_speed
+from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.orbits.equilibria.modes import ModeSet, match_modes, modes_at
 
 # How often the way is halved to a speed at which the mode cannot be told from others.
@@ -32,7 +33,7 @@ class LostModeError(Exception):
 
 @dataclass(frozen=True)
 class FollowedMode:
-    """A mode by its number in the sets of the speeds at which it is ``known``, which grow.
+    """A mode by its index in the mode sets of the speeds at which it is ``known``; these sets grow.
 
     ``state``: an equilibrium nearby; ``top``: see ``modes_at``.
     """
@@ -44,7 +45,7 @@ class FollowedMode:
     known: dict[float, tuple[ModeSet, int]]
 
     def at(self, speed: float) -> tuple[ModeSet, int]:
-        """The modes at a speed, and which of them it is.  Raises LostModeError."""
+        """The modes at a speed, and the index of this mode.  Raises LostModeError."""
         if speed not in self.known:
             at = at_speed(self.parameters, speed)
             equilibrium = machine_equilibrium(self.machine, at, self.state)
@@ -64,7 +65,7 @@ class FollowedMode:
         return float(modes.eigenvalues[number].imag) - speed
 
     def crossing(self, low: float, high: float) -> float:
-        """Where g changes its sign between two speeds.  Raises LostModeError."""
+        """The speed where g changes its sign between two speeds.  Raises LostModeError."""
         lost = LostModeError(low)
         for _ in range(HALVINGS):
             try:
@@ -79,7 +80,7 @@ class FollowedMode:
         raise lost
 
     def _bracket_around(self, low: float, lost: float, high: float) -> tuple[float, float]:
-        """A narrower bracket, from halfway to the speed at which the mode is lost, on either side."""
+        """A narrower bracket on either side of the speed at which the mode is lost."""
         sign = self.excess(low)
         for speed in (0.5 * (low + lost), 0.5 * (lost + high)):
             if low < speed < high:

@@ -1,4 +1,4 @@
-"""Small motions about an equilibrium: bearing coefficients, leading eigenvalues, the speed of instability.
+"""Small motions about an equilibrium: bearing coefficients, leading eigenvalues, instability speed.
 
 With the perturbation exp(sigma tau) of a journal, dF = -Z(sigma) dX of a bearing (see ``machine.bearing``):
 
@@ -10,18 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import brentq
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, splu
 
+from pipelines.case.arrays import Array, ComplexArray
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine
 from pipelines.machine.bearing import Bearing, linearise_bearing
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, Equilibrium, at_rest, machine_equilibrium
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Below this size all eigenvalues of the dense matrix cost less than a few shift-invert sweeps.
 DENSE_SIZE = 300
@@ -68,7 +65,7 @@ def leading_eigenvalues(jacobian: sparse.csc_array, count: int, shifts: ComplexA
 
 
 def eigenpairs_near(jacobian: sparse.csc_array, shifts: ComplexArray, count: int) -> Eigenpairs:
-    """At least the ``count`` eigenpairs nearest every shift, merged; of each pair the one with Im >= 0.
+    """At least the ``count`` eigenpairs nearest every shift, merged; only Im >= 0 of complex pairs.
 
     Shift-invert Arnoldi about every shift; all eigenvalues of a matrix of at most ``DENSE_SIZE`` rows.
     """
@@ -140,13 +137,13 @@ class LinearPoint:
 def linear_point(
     machine: Machine, parameters: Array, count: int, guess: Array | None = None
 ) -> LinearPoint | Equilibrium:
-    """Equilibrium and leading eigenvalues; only the failed ``Equilibrium`` if there is none."""
+    """Equilibrium and leading eigenvalues, or the failed ``Equilibrium``."""
     equilibrium = machine_equilibrium(machine, parameters, guess)
     return linearised(machine, parameters, equilibrium, count) if equilibrium.converged else equilibrium
 
 
 def linearised(machine: Machine, parameters: Array, equilibrium: Equilibrium, count: int) -> LinearPoint:
-    """Leading eigenvalues of an equilibrium."""
+    """The leading eigenvalues of an equilibrium."""
     jacobian = machine.jacobian(MEAN_PHASE, equilibrium.state, at_rest(parameters))
     speed = float(parameters[film.SPEED])
     pairs = leading_eigenvalues(jacobian, count, whirl_shifts(machine, speed))

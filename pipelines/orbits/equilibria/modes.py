@@ -1,4 +1,4 @@
-"""Oscillating modes of the linearised machine at one speed, and which of them is which at another.
+"""Oscillating modes of the linearised machine at one speed, and their matching between speeds.
 
 With the modes V of one speed and V' of another as columns, each set is expressed in the other one and its
 conjugates,
@@ -19,10 +19,11 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import linear_sum_assignment
 
+from pipelines.case.arrays import Array, ComplexArray
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rotor_modes import translations
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest
-from pipelines.orbits.equilibria.linear import Array, ComplexArray, eigenpairs_near
+from pipelines.orbits.equilibria.linear import eigenpairs_near
 
 # Modes damped more than this are film and foil modes, of no interest to a rotor; those a little more damped
 # are known too, so that one whose damping changes is not lost.
@@ -42,9 +43,10 @@ SLOPE = SECTOR / np.sqrt(1.0 - SECTOR**2)  # -Re / Im of these
 
 @dataclass(frozen=True)
 class ModeSet:
-    """Oscillating modes at one speed by rising frequency: eigenvalues (modes,), unit eigenvectors (N, modes)
-    of the whole state, displacements at all shaft nodes (modes, nodes, 2).  None with a frequency up to
-    ``top`` is missing.
+    """Oscillating modes at one speed by rising frequency.
+
+    Eigenvalues (modes,), unit eigenvectors (N, modes) of the whole state, displacements at all shaft
+    nodes (modes, nodes, 2).  None with a frequency up to ``top`` is missing.
     """
 
     eigenvalues: ComplexArray
@@ -59,8 +61,9 @@ class ModeSet:
 
 
 def modes_at(machine: Machine, parameters: Array, state: Array, top: float) -> ModeSet:
-    """Modes with a damping ratio below ``LARGEST_KNOWN``; of a large machine those with Im lambda
-    below about ``top``, damped up to about ``SECTOR``.
+    """Modes with a damping ratio below ``LARGEST_KNOWN``.
+
+    Of a large machine those with Im lambda below about ``top``, damped up to about ``SECTOR``.
     """
     jacobian = machine.jacobian(MEAN_PHASE, state, at_rest(parameters))
     if jacobian.shape[0] <= DENSE_SIZE:
@@ -75,8 +78,9 @@ def modes_at(machine: Machine, parameters: Array, state: Array, top: float) -> M
 
 
 def _sparse_pairs(jacobian: sparse.csc_array, top: float) -> tuple[ComplexArray, ComplexArray]:
-    """Eigenpairs about shifts along the imaginary axis, so many of each that their discs cover the sector of
-    lightly damped modes up to ``top``.
+    """Eigenpairs about shifts along the imaginary axis, covering the lightly damped modes up to ``top``.
+
+    So many of each shift that their discs cover the sector.
     """
     shifts = np.asarray(1j * top * (np.arange(SHIFTS) + 0.5) / SHIFTS, dtype=np.complex128)
     frequency, slope = np.meshgrid(np.linspace(0.05, 1.0, 20) * top, np.linspace(0.0, SLOPE, 7))
@@ -93,8 +97,9 @@ def _sparse_pairs(jacobian: sparse.csc_array, top: float) -> tuple[ComplexArray,
 
 
 def node_shapes(machine: Machine, vectors: ComplexArray) -> ComplexArray:
-    """Displacements x, y at all shaft nodes (modes, nodes, 2) of eigenvectors (N, modes), the largest
-    component 1.
+    """Displacements x, y at all shaft nodes (modes, nodes, 2) of eigenvectors (N, modes).
+
+    The largest component is 1.
     """
     start = machine.rotor_start
     shapes = translations(machine.scaled, vectors[start : start + machine.rotor_freedoms].T)
@@ -105,14 +110,14 @@ def node_shapes(machine: Machine, vectors: ComplexArray) -> ComplexArray:
 
 @dataclass(frozen=True)
 class Match:
-    """Which mode of a set is which of another: index there or -1, and whether that is beyond doubt."""
+    """The index in another set of every mode of a set, or -1, and whether the match is beyond doubt."""
 
     partner: tuple[int, ...]
     certain: tuple[bool, ...]
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """The modes that are known in both sets."""
+        """The modes matched in both sets."""
         return [(mode, partner) for mode, partner in enumerate(self.partner) if partner >= 0]
 
 
@@ -136,7 +141,7 @@ def _same(eigenvalues: ComplexArray) -> Array:
 
 
 def _relative_gains(first: ComplexArray, second: ComplexArray) -> ComplexArray:
-    """R of the module's docstring."""
+    """The ratios R of the module's docstring."""
     return np.asarray(_expressed(second, first) * _expressed(first, second).T)
 
 

@@ -1,4 +1,4 @@
-"""Time integration of the driven machine, and what its samples tell.
+"""Time integration of the driven machine, and the analysis of its samples.
 
 - drive: speed and ring excitation over time, in smooth pieces
 - transient: the integration

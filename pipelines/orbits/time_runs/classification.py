@@ -1,4 +1,4 @@
-"""What kind of motion a run has come to, from its Poincare points, with the evidence.
+"""Classify the motion at the end of a transient from its Poincare points, with the evidence.
 
 The points are taken once per period T of what drives the machine. Where they repeat after n periods the
 motion is n-periodic; where they change steadily it is not settled; otherwise the 0-1 test of Gottwald and
@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.orbits.time_runs.envelope import growth_rate
-
-Array = NDArray[np.float64]
 
 RETURNS = (1, 2, 4, 8)  # periods after which a motion may repeat
 FEWEST_POINTS = 32  # four of every eighth one
@@ -42,9 +40,11 @@ class Motion(Enum):
 
 @dataclass(frozen=True)
 class Limits:
-    """What counts as small: motions below ``rest`` are an equilibrium, points that return within
-    ``repeats`` of the size of the orbit repeat, changes of the returns below ``noise`` of it are rounding;
-    returns are steady unless they change by the factor ``steady`` from the first to the last quarter.
+    """What counts as small.
+
+    Motions below ``rest`` are an equilibrium, points that return within ``repeats`` of the size of the
+    orbit repeat, changes of the returns below ``noise`` of it are rounding; returns are steady unless
+    they change by the factor ``steady`` from the first to the last quarter.
     """
 
     rest: float = 1e-6
@@ -55,7 +55,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Classification:
-    """The kind of a motion (None: ``reason`` says why it cannot be told) and the evidence.
+    """The kind of a motion (None: ``reason`` says why it cannot be decided) and the evidence.
 
     ``size``: half of the largest extent of the orbit.  ``returns`` (4,): root mean square distance of points
     1, 2, 4, 8 periods apart, or any multiple of these, over the size.  ``growth``: slope of the logarithm of
@@ -91,7 +91,10 @@ def classify(points: Array, orbit: Array, limits: Limits | None = None) -> Class
 
 
 def _growth(steps: Array) -> float:
-    """Per period; NaN where nothing moves. The steps of an elliptic spiral beat: the weights fade out."""
+    """Growth rate per period; NaN where nothing moves.
+
+    The steps of an elliptic spiral beat: the weights fade out at both ends.
+    """
     if np.count_nonzero(steps) < 2:
         return np.nan
     weights = np.hanning(len(steps) + 2)[1:-1]
@@ -99,7 +102,7 @@ def _growth(steps: Array) -> float:
 
 
 def _motion(returns: Array, trend: int, limits: Limits) -> Motion | None:
-    """Unsettled or periodic, or None."""
+    """Unsettled or periodic; None if neither."""
     if trend > 0:
         return Motion.UNSETTLED
     for period, distance in zip(RETURNS, returns, strict=True):
@@ -109,7 +112,7 @@ def _motion(returns: Array, trend: int, limits: Limits) -> Motion | None:
 
 
 def _aperiodic(chaos: float, points: int) -> Motion | None:
-    """Quasi-periodic or chaotic, None where the test does not tell; few points look chaotic too easily."""
+    """Quasi-periodic or chaotic; None if the test cannot decide. Too few points easily look chaotic."""
     if chaos < _REGULAR:
         return Motion.QUASI_PERIODIC
     return Motion.CHAOTIC if chaos > _CHAOTIC and points >= FEWEST_POINTS_OF_CHAOS else None
@@ -125,8 +128,9 @@ def _undecided(chaos: float, points: int) -> str:
 
 
 def return_distance(points: Array, period: int) -> float:
-    """Root mean square distance of points (points, k) any multiple of ``period`` apart: also a slow drift,
-    which successive returns do not show, makes it large.
+    """Root mean square distance of points (points, k) any multiple of ``period`` apart.
+
+    A slow drift, which successive returns do not show, makes it large too.
     """
     # The mean over all pairs is twice the variance.
     spread = [np.sum(np.var(points[first::period], axis=0)) for first in range(period)]
@@ -134,7 +138,7 @@ def return_distance(points: Array, period: int) -> float:
 
 
 def _trend(steps: Array, limits: Limits) -> int:
-    """1 or -1 where the steps (steps,) between successive points grow or shrink from quarter to quarter."""
+    """1 or -1 if the steps (steps,) between successive points grow or shrink from quarter to quarter."""
     level = np.array([np.sqrt(np.mean(part**2)) for part in np.array_split(steps, _STRETCHES)])
     change = np.diff(level)
     if level.max() < limits.noise:
@@ -145,7 +149,9 @@ def _trend(steps: Array, limits: Limits) -> int:
 
 
 def chaos_test(points: Array) -> float:
-    """K of the 0-1 test: the median over c of the correlation between n and the mean square displacement of
+    """The outcome K of the 0-1 test for chaos.
+
+    The median over c of the correlation between n and the mean square displacement of
 
         p(n) = sum_j x_j cos(j c),   q(n) = sum_j x_j sin(j c)
 

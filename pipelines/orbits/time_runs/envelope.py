@@ -1,4 +1,4 @@
-"""Envelopes of sampled motions, and how fast an amplitude grows."""
+"""Envelopes of sampled motions, and growth rates of amplitudes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """Smallest and largest value of every window, each (windows, ...); ``first`` (windows,): index of the
-    sample with which each window begins.
+    """Smallest and largest value of every window, each (windows, ...).
+
+    ``first`` (windows,): index of the sample with which each window begins.
     """
 
     first: NDArray[np.intp]
@@ -46,7 +47,7 @@ def _starts(count: int, window: int) -> NDArray[np.intp]:
 
 @dataclass(frozen=True)
 class Growth:
-    """log(amplitude) = ``rate`` t + constant, and the root mean square of what is left of the logarithm."""
+    """log(amplitude) = ``rate`` t + constant, and the root mean square of the remainder."""
 
     rate: float
     residual: float

@@ -1,4 +1,4 @@
-"""Energy of the vibrating rotor, mode by mode of the free rotor at rest.
+"""Energy of the vibrating rotor in each mode of the free rotor at rest.
 
 With the shapes K phi_k = omega_k^2 M phi_k, phi_j' M phi_k = delta_jk, and a = Phi' M x:
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, signal
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
 
 _EQUAL = 1e-6  # relative distance of two equal frequencies
 _RIGID = 1e-9  # omega^2 of a rigid-body motion over the largest
@@ -25,8 +25,10 @@ _STENCIL = 7  # samples of a velocity: central differences of sixth order
 
 @dataclass(frozen=True)
 class RotorModes:
-    """Modes of equal frequency together: ``frequency`` (modes,), ``multiplicity`` (modes,); ``weights``
-    (shapes, freedoms) = Phi' M gives the amplitudes of all shapes, ``mode`` (shapes,) the mode of each.
+    """Modes of a rotor; modes of equal frequency are taken together.
+
+    ``frequency`` (modes,), ``multiplicity`` (modes,); ``weights`` (shapes, freedoms) = Phi' M gives the
+    amplitudes of all shapes, ``mode`` (shapes,) the mode of each.
     """
 
     frequency: Array

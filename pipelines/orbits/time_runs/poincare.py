@@ -1,4 +1,4 @@
-"""Poincare sections of motions that are known at equally spaced samples.
+"""Poincare sections of motions known at equally spaced samples.
 
 Between the samples everything is a polynomial of degree p through the p + 1 samples around the crossing, so
 that place and values of a crossing have errors of order p + 1 in the distance of the samples.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
 
 DEGREE = 5
 _NEWTON_STEPS = 30
@@ -20,7 +20,7 @@ _SETTLED = 1e-13  # of the distance of two samples
 
 @dataclass(frozen=True)
 class Section:
-    """Crossings: ``place`` (crossings,) counted in samples, ``values`` (crossings, ...) there."""
+    """Crossings: ``place`` (crossings,) in samples, ``values`` (crossings, ...) there."""
 
     place: Array
     values: Array
@@ -45,8 +45,9 @@ def phase_section(phase: Array, values: Array, offset: float = 0.0, degree: int 
 
 
 def level_section(signal: Array, values: Array, level: float, degree: int = DEGREE) -> Section:
-    """``values`` (samples, ...) wherever ``signal`` (samples,) rises through a level: the section of a motion
-    without any given phase.
+    """``values`` (samples, ...) wherever ``signal`` (samples,) rises through a level.
+
+    The section of a motion without a given phase.
 
     Raises ValueError for fewer samples than the polynomial needs.
     """
@@ -57,7 +58,7 @@ def level_section(signal: Array, values: Array, level: float, degree: int = DEGR
 
 
 def _section(signal: Array, levels: Array, before: NDArray[np.intp], values: Array, degree: int) -> Section:
-    """Solve for the place of every crossing, behind the sample ``before``, and interpolate there."""
+    """Solve for the position of every crossing after the sample ``before``, and interpolate there."""
     starts = np.clip(before - (degree - 1) // 2, 0, len(signal) - degree - 1)
     stencils = starts[:, None] + np.arange(degree + 1)
     # Coefficients of the polynomial in x, the place counted from the stencil's begin.

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
 
 _PADDING = 2  # of the pieces of a waterfall: its frequencies lie twice as close
 
@@ -23,8 +22,10 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Waterfall:
-    """``place`` (pieces,): middle of each piece, counted in samples; ``frequency`` (frequencies,);
-    ``amplitude`` (pieces, frequencies, ...).
+    """Spectra of pieces of a motion.
+
+    ``place`` (pieces,): middle of each piece in samples; ``frequency`` (frequencies,); ``amplitude``
+    (pieces, frequencies, ...).
     """
 
     place: Array

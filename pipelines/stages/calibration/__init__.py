@@ -1,8 +1,8 @@
-"""Keys fitted to target thresholds.
+"""Fit keys to target thresholds.
 
 - calibrate: the stage
-- targets: what a machine reaches of the targets
+- targets: values that a machine reaches for the targets
 - onset_speed: the lowest speed of instability
 - fit: bounded least squares
-- report: what a stored calibration tells
+- report: report on a stored calibration
 """

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.calibrate_settings import number_at
 from pipelines.case.models import Calibrate, CalibrationParameter, Case
 from pipelines.case.reading import NamedCase
@@ -23,24 +23,23 @@ from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_writing
+from pipelines.datasets.store import Store, case_group, open_for_writing
 from pipelines.stages.calibration.fit import Evaluation, Fit, NoEvaluationsLeft, fit
 from pipelines.stages.calibration.onset_speed import FAILED, FOUND
 from pipelines.stages.calibration.targets import Reached, reached
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult, StopRequested
 
-Array = NDArray[np.float64]
-
 GROUP = "calibration"
 CONVERGED = "converged"
 OTHER_ONSET = "another onset lies below"
 FAILED_TARGETS = "some targets cannot be computed"
-OUT_OF_EVALUATIONS = "the allowed number of machines is computed"
+OUT_OF_EVALUATIONS = "the allowed number of machines has been computed"
 ADVICE = {
     CONVERGED: "",
-    OTHER_ONSET: "the found machine loses stability below the onset that was followed: start again from it",
+    OTHER_ONSET: "the found machine loses stability below the onset that was followed: "
+    "start another search from this machine",
     FAILED_TARGETS: "the table of targets says why; narrow the ranges of the parameters or of the speed",
-    OUT_OF_EVALUATIONS: "raise calibrate.max_evaluations to go on, or calibrate.tolerance",
+    OUT_OF_EVALUATIONS: "raise calibrate.max_evaluations to continue, or calibrate.tolerance",
 }
 NO_TABLE = "there is no table [calibrate]"
 DIGITS = 10  # of the values of parameters
@@ -49,11 +48,11 @@ NAMES = ("position", "reached", "onset", "status", "begin")
 
 
 def calibrate(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill the group ``calibration`` of a case; a case that does not converge is a failed one."""
+    """Fill the group ``calibration`` of a case; a search that does not converge is a failed stage."""
     settings = case.case.calibrate
     if settings is None:
         return StageResult(case.case_id, False, NO_TABLE, "give calibrate.parameters and calibrate.targets")
-    store, group = open_for_writing(store_path), f"cases/{case.case_id}/{GROUP}"
+    store, group = open_for_writing(store_path), case_group(case.case_id, GROUP)
     with _open(store, group, case.case, settings) as branch:
         if not branch.is_complete(OUT_OF_EVALUATIONS, settings.max_evaluations):
             try:
@@ -84,7 +83,7 @@ def _open(store: Store, group: str, case: Case, settings: Calibrate) -> BranchWr
 
 
 def position_of(parameter: CalibrationParameter, value: float) -> float:
-    """Place of a value within its range, from 0 to 1."""
+    """Position of a value within its range, from 0 to 1."""
     low, high = parameter.range
     if parameter.scale == "log":
         return float(np.log(value / low) / np.log(high / low))
@@ -92,7 +91,7 @@ def position_of(parameter: CalibrationParameter, value: float) -> float:
 
 
 def value_at(parameter: CalibrationParameter, position: float) -> float:
-    """The inverse of `position_of`, to the digits that are shown: the machine can be built from them."""
+    """The inverse of `position_of`, rounded to the shown digits, which then reproduce the machine."""
     low, high = parameter.range
     value = low * (high / low) ** position if parameter.scale == "log" else low + position * (high - low)
     return float(f"{value:.{DIGITS}g}")
@@ -108,7 +107,7 @@ def values_at(settings: Calibrate, position: Array) -> dict[str, float]:
 
 
 def start_position(case: Case, settings: Calibrate) -> Array:
-    """Where the search begins: the configuration's own values (n,)."""
+    """Start of the search: the configuration's own values (n,)."""
     document = case.model_dump(mode="json")
     own = [number_at(document, parameter.keys[0]) for parameter in settings.parameters]
     places = [
@@ -120,7 +119,7 @@ def start_position(case: Case, settings: Calibrate) -> Array:
 
 
 class Machines:
-    """The machines of a search: rows of the group; one that is missing is computed and committed.
+    """The machines of a search, as rows of the group; a missing one is computed and committed.
 
     ``nearby`` of `at`: branches begin below the onsets of the nearest row, the first machine aside.
     """
@@ -143,13 +142,13 @@ class Machines:
         self._penalties = _penalties(case.case, settings)
 
     def onsets(self, position: Array, nearby: bool) -> Array:
-        """Onset speeds (m,) of a machine that is computed, NaN where a target has none."""
+        """Onset speeds (m,) of a computed machine, NaN for targets without one."""
         index = self.index_of(position, nearby)
         assert index is not None
         return np.asarray(self._rows[index]["onset"])
 
     def index_of(self, position: Array, nearby: bool = True) -> int | None:
-        """The row of a machine, computed near an onset or (as also the first one) from the lowest speed."""
+        """The row of a machine, computed near an onset or from the lowest speed, as the first machine is."""
         wanted = KINDS[GROUP].array("begin").flag("near_onset" if nearby else "lowest_speed")
         for index, row in enumerate(self._rows):
             same = np.array_equal(row["position"], position)
@@ -167,7 +166,7 @@ class Machines:
             row = self._row(position, nearby and index > 0)
             self.branch.commit(row)
             self._rows.append(row)
-            self._tell()
+            self._report_progress()
         return self._evaluation(self._rows[index])
 
     def _row(self, position: Array, nearby: bool) -> dict[str, Any]:
@@ -203,7 +202,7 @@ class Machines:
         deviations = np.where(failed, self._penalties, (row["reached"] - wanted) / scatter)
         return Evaluation(np.array(row["position"]), deviations, failed)
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         found, total = self._evaluation(self._rows[-1]), self.settings.max_evaluations
         worst = int(np.argmax(np.abs(found.deviations)))
         lost = f", {int(found.failed.sum())} targets failed" if found.failed.any() else ""
@@ -221,7 +220,7 @@ def _expected(row: Mapping[str, Any], target: int) -> float | None:
 
 
 def _penalties(case: Case, settings: Calibrate) -> Array:
-    """Weighted deviations (m,) of targets that fail: their whole range of speeds."""
+    """Weighted deviations (m,) of targets that fail: their whole speed range."""
     rpm = case.scales.speed_rpm_per_unit
     intervals = [target.speed_range or settings.speed_range for target in settings.targets]
     return np.array([
@@ -231,7 +230,7 @@ def _penalties(case: Case, settings: Calibrate) -> Array:
 
 
 def _search(machines: Machines) -> None:
-    """Run the least squares over the machines, confirm what it finds, and say how it ended."""
+    """Run the least squares over the machines, confirm the result, and say how the search ended."""
     settings = machines.settings
     start = start_position(machines.case.case, settings)
     found = fit(machines.at, start, settings.tolerance, settings.difference_step)
@@ -245,7 +244,7 @@ def _plain(found: Fit) -> list[list[float]] | None:
 
 
 def _confirmed(machines: Machines, best: Evaluation) -> str:
-    """How the search ended, by the same machine computed from the lowest speed."""
+    """How the search ended, confirmed by its machine recomputed from the lowest speed."""
     again = machines.at(best.position, nearby=False)
     if np.any(again.failed):
         return FAILED_TARGETS

@@ -1,4 +1,4 @@
-"""The least squares of a calibration, over positions x in [0, 1]^n of the parameters within their ranges.
+"""Least squares of a calibration, over positions x in [0, 1]^n of the parameters within their ranges.
 
     minimise  sum_i r_i(x)^2,    r_i = (reached_i - wanted_i) / scatter_i,    0 <= x <= 1
 
@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
+
 Flags = NDArray[np.bool_]
 
 
@@ -38,12 +39,12 @@ Evaluate = Callable[[Array], Evaluation]
 
 
 class NoEvaluationsLeft(Exception):  # noqa: N818
-    """The allowed number of machines is computed."""
+    """The allowed number of machines has been computed."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The best machine, and d r / d x (m, n) at the last place where it was computed; None for none."""
+    """The best machine, and d r / d x (m, n) where it was last computed; None if it was not."""
 
     best: Evaluation
     jacobian: Array | None
@@ -80,8 +81,9 @@ def fit(evaluate: Evaluate, start: Array, tolerance: float, step: float) -> Fit:
 
 
 def differences(evaluate: Evaluate, at: Evaluation, step: float) -> Array:
-    """d r / d x (m, n) by one-sided differences towards the middle of the range; to the other side where a
-    target fails there, and 0 where it fails on both.
+    """d r / d x (m, n) by one-sided differences towards the middle of the range.
+
+    To the other side where a target fails there, and 0 where it fails on both sides.
     """
     columns = []
     for index in range(len(at.position)):

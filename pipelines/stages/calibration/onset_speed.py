@@ -12,12 +12,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchResult, BranchState, BranchStop
 from pipelines.bifurcations.detection import DetectionOptions, Event, EventKind
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
@@ -28,8 +26,6 @@ from pipelines.stages.cycles.problem import continuation_options, cycle_problem
 from pipelines.stages.cycles.start import Guard, NoStart, first_cycles, first_hopf
 from pipelines.stages.linear.linearize import leading_growth
 from pipelines.stages.results import ShouldStop, StopRequested
-
-Array = NDArray[np.float64]
 
 BELOW = (0.93, 0.8)  # of an expected onset: where a branch begins, the nearest first
 AROUND = (0.9, 1.1)  # of an expected onset: where a Hopf point is sought first, seen from so many speeds:
@@ -48,8 +44,8 @@ STATUSES = {
     NO_CYCLE: "no cycle was found to start from: raise the lowest speed of the range",
     BRANCH_LOST: "the branch could not be followed: lower continue_cycles.maximum_step or minimum_step",
     FILM_LIMIT: "the film touches the foil before an onset: see continue_cycles.minimum_film",
-    INVALID: "these values make no machine",
-    UNDECIDED: "critical speeds below it may be missing: agfb criticals tells where and why",
+    INVALID: "these values give no valid machine",
+    UNDECIDED: "critical speeds below it may be missing: agfb criticals shows where and why",
 }
 FAILED = frozenset({NO_EQUILIBRIUM, NO_CYCLE, BRANCH_LOST, FILM_LIMIT, INVALID, UNDECIDED})
 HOPF = "hopf"
@@ -62,8 +58,10 @@ KINDS_OF = {
 
 @dataclass(frozen=True)
 class Onset:
-    """How the search ended (`STATUSES`), the dimensionless speed (the end of the range where censored, NaN
-    where it failed) and the bifurcation ("unset" where there is none).
+    """The onset speed of a machine, and how its search ended.
+
+    One of `STATUSES`, the dimensionless speed (the end of the range where censored, NaN where it failed)
+    and the bifurcation ("unset" where there is none).
     """
 
     status: str
@@ -103,7 +101,7 @@ def _starts(interval: tuple[float, float], expected: float | None) -> list[float
 def _hopf_onset(
     machine: Machine, parameters: Array, interval: tuple[float, float], expected: float | None
 ) -> Onset:
-    """The first Hopf point, sought around the expected one first."""
+    """The first Hopf point, searched around the expected one first."""
     low, high = interval
     if expected is not None:
         below, above = (min(max(factor * expected, low), high) for factor in AROUND)
@@ -148,12 +146,12 @@ def _onset_above(
             continue
         result = continue_branch(problem, guess.start, options, walk.record, walk.limit, walk.ends)
         if result.stop is not BranchStop.START_FAILED:
-            return _told(result, walk, start, interval[1])
+            return _onset_of(result, walk, start, interval[1])
     return Onset(NO_CYCLE)
 
 
 class _Walk:
-    """Watches a branch along the rising speed until its first onset."""
+    """Follows a branch with rising speed until its first onset."""
 
     def __init__(
         self, machine: Machine, minimum_film: float, kinds: frozenset[EventKind], should_stop: ShouldStop
@@ -186,7 +184,7 @@ def _destabilises(event: Event) -> bool:
     return event.kind is EventKind.FOLD or not event.transversality < 0.0
 
 
-def _told(result: BranchResult, walk: _Walk, start: float, highest: float) -> Onset:
+def _onset_of(result: BranchResult, walk: _Walk, start: float, highest: float) -> Onset:
     if walk.unstable_start:
         return Onset(CENSORED_BELOW, start)
     if walk.onset is not None:

@@ -1,4 +1,4 @@
-"""What a stored calibration tells: targets, parameters, and combinations that the targets leave open.
+"""Report on a stored calibration: targets, parameters, and combinations that the targets leave open.
 
 With the weighted derivatives J = d r / d x at the found machine, singular values s_k and directions v_k of J:
 a change of every target by one of its uncertainties moves the parameters by
@@ -14,16 +14,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.models import Calibrate, CalibrationTarget, Case
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED, Group
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group
 from pipelines.stages.calibration.calibrate import CONVERGED, GROUP, start_position, value_at, values_at
 from pipelines.stages.calibration.onset_speed import FAILED, STATUSES
-
-Array = NDArray[np.float64]
 
 UNDETERMINED = 1e-3  # of the largest singular value
 PART = 0.1  # smallest component of a direction that is told
@@ -32,8 +30,10 @@ AT_BOUND = 1e-3  # of the range
 
 @dataclass(frozen=True)
 class TargetRow:
-    """One target: what it is, wanted and reached value, in ``unit``; ``deviation`` in uncertainties, or times
-    the weight; ``remark`` where the value was not simply found; None where it failed.
+    """One target with wanted and reached value, in ``unit``.
+
+    ``deviation`` in uncertainties, or times the weight; ``remark`` where the value was not simply found;
+    None where it failed.
     """
 
     target: str
@@ -48,7 +48,7 @@ class TargetRow:
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One parameter: its keys, values before and after, which end of its range it has come to.
+    """One parameter: its keys, values before and after, and the end of its range that it reached.
 
     ``uncertainty``: standard error by the targets' uncertainties (where only weights are given, by the
     deviations that are left); of a logarithmic parameter as if small.  None where it is not determined or
@@ -65,7 +65,7 @@ class ParameterRow:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibration as far as it has come: of one that is not finished the best machine so far."""
+    """The state of a calibration; before it has ended, with the best machine so far."""
 
     case_id: str
     ended: bool
@@ -81,16 +81,16 @@ class Calibration:
     """The found value of every calibrated key."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data, fit for JSON."""
+        """Plain data for JSON."""
         return asdict(self)
 
 
 def read_calibration(store: Store, case_id: str, case: Case) -> Calibration | None:
-    """The calibration of a case; None while no machine is computed.
+    """The calibration of a case; None before a machine is computed.
 
     ``case`` is the configuration that it belongs to.  Raises StoreError for a damaged group.
     """
-    settings, name = case.calibrate, f"cases/{case_id}/{GROUP}"
+    settings, name = case.calibrate, case_group(case_id, GROUP)
     if settings is None or not store.has_group(name):
         return None
     group = read_group(store, name)
@@ -118,7 +118,7 @@ def read_calibration(store: Store, case_id: str, case: Case) -> Calibration | No
 
 
 def _least(group: Group) -> int:
-    """The row with the fewest failed targets, of these the one with the least sum of squares."""
+    """The row with the fewest failed targets, and among these with the least sum of squares."""
     deviations = (group["reached"] - group["wanted"]) / group["scatter"]
     failed = ~np.isfinite(deviations)
     squares = np.sum(np.where(failed, 0.0, deviations) ** 2, axis=1)
@@ -142,7 +142,7 @@ def _target_row(target: CalibrationTarget, group: Group, row: int, column: int) 
 
 
 def _name(target: CalibrationTarget) -> str:
-    """What a target is, in a few words."""
+    """A target in a few words."""
     words = target.quantity.replace("_", " ")
     if target.quantity == "critical_speed":
         words += f" {target.number}" + ("" if target.whirl == "any" else f" {target.whirl}")
@@ -177,7 +177,7 @@ def _parameter_rows(
 
 
 def _errors(settings: Calibrate, slopes: Array, deviations: list[float]) -> Array | None:
-    """Standard errors of the positions (n,), infinite where not determined; None where nothing tells them."""
+    """Standard errors of the positions (n,), infinite where undetermined; None if they cannot be computed."""
     spare = slopes.shape[0] - slopes.shape[1]
     scale = 1.0
     if any(target.uncertainty is None for target in settings.targets):
@@ -192,7 +192,7 @@ def _errors(settings: Calibrate, slopes: Array, deviations: list[float]) -> Arra
 
 
 def _spectrum(slopes: Array) -> tuple[Array, Array, Array]:
-    """Singular values (k,) and directions (k, n) that the targets feel, and those that they do not."""
+    """Singular values (k,) and directions (k, n) that the targets determine, and those that they do not."""
     _, values, directions = np.linalg.svd(slopes, full_matrices=True)
     felt = int(np.sum(values > UNDETERMINED * values[0])) if values[0] > 0.0 else 0
     return values[:felt], directions[:felt], directions[felt:]
@@ -201,9 +201,9 @@ def _spectrum(slopes: Array) -> tuple[Array, Array, Array]:
 def _undetermined(settings: Calibrate, slopes: Array) -> tuple[dict[str, float], ...]:
     """Open directions by the first key of each parameter, their largest component positive."""
     names = [parameter.keys[0] for parameter in settings.parameters]
-    told = []
+    undetermined = []
     for direction in _spectrum(slopes)[2]:
         sign = np.sign(direction[np.argmax(np.abs(direction))])
         parts = {name: float(sign * part) for name, part in zip(names, direction, strict=True)}
-        told.append({name: part for name, part in parts.items() if abs(part) > PART})
-    return tuple(told)
+        undetermined.append({name: part for name, part in parts.items() if abs(part) > PART})
+    return tuple(undetermined)

@@ -1,4 +1,4 @@
-"""What a machine reaches of a calibration's targets.
+"""The values that a machine reaches for the targets of a calibration.
 
 A target at an excitation frequency of highest onset speed is met through the slope of the onset speed over
 the frequency, a central difference of two onsets.  The frequency of the highest onset itself, say by a
@@ -32,13 +32,15 @@ from pipelines.stages.calibration.onset_speed import (
 )
 from pipelines.stages.results import ShouldStop, StopRequested
 
-DIRECTIONS = {"any": (1, -1, 0), "forward": (1,), "backward": (-1,)}
+WHIRL_DIRECTIONS = {"any": (1, -1, 0), "forward": (1,), "backward": (-1,)}
 
 
 @dataclass(frozen=True)
 class Reached:
-    """The value of a target in its own unit (NaN where it failed), how the search ended (of `STATUSES`), the
-    onset speed behind it (dimensionless, NaN without one) and its bifurcation.
+    """The value that a machine reaches for a target.
+
+    In the target's own unit (NaN where it failed), how the search ended (of `STATUSES`), the onset speed
+    behind it (dimensionless, NaN without one) and its bifurcation.
     """
 
     status: str
@@ -55,7 +57,7 @@ def reached(
     expected: float | None,
     should_stop: ShouldStop,
 ) -> Reached:
-    """What the case with other ``values`` at some keys reaches of a target.
+    """The value of a target that the case with other ``values`` at some keys reaches.
 
     ``expected``: onset speed of a machine nearby, None to begin at the lowest speed.  Raises StopRequested.
     """
@@ -100,7 +102,7 @@ def _slope(
 
 
 def _critical_speed(case: Case, target: CalibrationTarget, should_stop: ShouldStop) -> Onset:
-    """The critical speed of a number; the highest speed of [criticals] where there are not so many."""
+    """The critical speed with a number; the highest speed of [criticals] if there are fewer."""
 
     def visit(index: int) -> None:
         if should_stop():
@@ -112,7 +114,7 @@ def _critical_speed(case: Case, target: CalibrationTarget, should_stop: ShouldSt
     if len(diagram.missing) == len(diagram.speeds):
         return Onset(NO_EQUILIBRIUM)
     result = critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
-    found = [one.speed for one in result.found if one.direction in DIRECTIONS[target.whirl]]
+    found = [one.speed for one in result.found if one.direction in WHIRL_DIRECTIONS[target.whirl]]
     wanted = found[target.number - 1] if len(found) >= target.number else math.inf
     if any(one.matters and one.low < wanted for one in result.undecided):
         return Onset(UNDECIDED)

@@ -27,7 +27,8 @@ from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest, machine
 from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.stages import step_errors
 from pipelines.stages.curves.rows import CONTAINERS
-from pipelines.stages.curves.track_curves import Untraced, curves_result, trace_all
+from pipelines.stages.curves.starts import StartQueue
+from pipelines.stages.curves.track_curves import curves_result, trace_all
 from pipelines.stages.cycles.branch import BranchRequest, trace_branch
 from pipelines.stages.cycles.start import first_hopf
 from pipelines.stages.job import Job, Origin
@@ -69,9 +70,10 @@ def bifurcation_set(
             f"{case.case.bifurcation_set.smallest_film:g} of the clearance",
             "raise the upper end of track_curves.ranges, or lower bifurcation_set.smallest_film",
         )  # fmt: skip
-    search, kinds = case.case.bifurcation_set, _kinds(case.case)
+    search = case.case.bifurcation_set
+    queue = StartQueue(job, _kinds(case.case), search.boundaries)
     lines: list[Line] = []
-    trace_all(job, kinds, search.boundaries)
+    trace_all(queue)
     complete = False
     for number in range(search.max_rounds):
         fresh = lines_of_round(job, number, lowest)
@@ -80,7 +82,7 @@ def bifurcation_set(
                 return _result(job, lines, complete)
             trace_branch(job, _request(job, line, len(lines), lowest))
             lines.append(line)
-            trace_all(job, kinds, search.boundaries)
+            trace_all(queue)
         if should_stop():
             return _result(job, lines, complete)
         first = len(lines) - len(fresh)
@@ -116,15 +118,15 @@ def lowest_speed(job: Job) -> float | None:
 
     None when no speed does.  The boundary is found to a thousandth of the range.
     """
-    low, high = _range(job.case.case, SPEED)
+    low, high = _range(job.case, SPEED)
 
     def has_film(speed: float) -> bool:
-        parameters = at_speed(parameter_vector(job.case.case), speed)
+        parameters = at_speed(parameter_vector(job.case), speed)
         found = machine_equilibrium(job.machine, parameters)
         if not found.converged:
             return False
         films = job.machine.minimum_film(MEAN_PHASE, found.state, at_rest(parameters))
-        return float(np.min(films)) >= job.case.case.bifurcation_set.smallest_film
+        return float(np.min(films)) >= job.case.bifurcation_set.smallest_film
 
     speeds = [float(speed) for speed in np.linspace(low, high, SPEEDS_TRIED)]
     first = next((index for index, speed in enumerate(speeds) if has_film(speed)), None)
@@ -141,7 +143,7 @@ def lines_of_round(job: Job, number: int, lowest: float) -> list[Line]:
     """The lines of a round: between those of the rounds before, and at the predicted resonances in the
     first.
     """
-    case, search = job.case.case, job.case.case.bifurcation_set
+    case, search = job.case, job.case.bifurcation_set
     frequencies = _spread(search.frequencies, _range(case, FREQUENCY), number)
     if number == 0 and search.resonances:
         frequencies += _resonant_frequencies(job, frequencies)
@@ -162,7 +164,7 @@ def _spread(count: int, interval: Interval, number: int) -> list[float]:
 
 def _resonant_frequencies(job: Job, taken: list[float]) -> list[float]:
     """Predicted principal resonances inside the plane that are not beside another line."""
-    low, high = _range(job.case.case, FREQUENCY)
+    low, high = _range(job.case, FREQUENCY)
     if not job.groups("criticals"):
         return []
     names = ("resonance_frequency", "resonance_order", "resonance_kind")
@@ -179,7 +181,7 @@ def _resonant_frequencies(job: Job, taken: list[float]) -> list[float]:
 
 def _request(job: Job, line: Line, index: int, lowest: float) -> BranchRequest:
     """The branch of a line, downwards from the upper end, where films are thick and periods short."""
-    case = job.case.case
+    case = job.case
     low, high = _range(case, line.parameter)
     low = max(low, lowest) if line.parameter == SPEED else low
     step = case.bifurcation_set.maximum_step
@@ -217,7 +219,7 @@ def _new_curves(job: Job, index: int) -> int:
 
 def _write(job: Job, lines: list[Line], lowest: float, complete: bool) -> None:
     """The group that says how the plane was searched."""
-    case, spec = job.case.case, KINDS[GROUP]
+    case, spec = job.case, KINDS[GROUP]
     branches = [
         job.read(f"cycles/s{index:03d}", (line.parameter, "event_kind")) for index, line in enumerate(lines)
     ]
@@ -280,14 +282,14 @@ def covered(lines: list[Line], complete: bool) -> str:
 
 def _result(job: Job, lines: list[Line], complete: bool) -> StageResult:
     """How the search ended: well when every curve is complete and the last lines met no new one."""
-    results = {CONTAINERS[kind]: curves_result(job, kind, Untraced()) for kind in _kinds(job.case.case)}
+    results = {CONTAINERS[kind]: curves_result(job, kind) for kind in _kinds(job.case)}
     summary: dict[str, Any] = {"lines": len(lines)}
     summary |= {f"{name} curves": result.summary["curves"] for name, result in results.items()}
     advice = [result.advice for result in results.values() if not result.ok]
     if not lines or job.should_stop():
-        return StageResult(job.case.case_id, True, "stopped on request", "", summary)
+        return StageResult(job.case_id, True, "stopped on request", "", summary)
     sentence = covered(lines, complete)
     ok = all(result.ok for result in results.values())
     doubt = step_errors.caution(step_errors.count_in(job.store, map(job.path, job.groups(*results))))
-    told = "; ".join(filter(None, advice))
-    return StageResult(job.case.case_id, ok, sentence, told, summary, caution=doubt)
+    sentences = "; ".join(filter(None, advice))
+    return StageResult(job.case_id, ok, sentence, sentences, summary, caution=doubt)

@@ -13,6 +13,7 @@ from pipelines.bifurcations.curves.codimension_two import other_multipliers
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveProblem
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
@@ -21,14 +22,12 @@ from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.stages.parameter_columns import parameter_columns, stored_parameters
 
-Array = NDArray[np.float64]
-
 CONTAINERS: Mapping[EventKind, str] = {
     EventKind.PERIOD_DOUBLING: "pd",
     EventKind.NEIMARK_SACKER: "ns",
     EventKind.FOLD: "folds",
 }
-DIRECTIONS = ("tangent", "normal", "gradient", "bend")  # of the array `directions`, in this order
+DIRECTION_NAMES = ("tangent", "normal", "gradient", "bend")  # of the array `directions`, in this order
 TRACED = ("parameter_tangent", "arclength", "state", "angle")  # and the free parameters: see `traced`
 SPECIAL_NAMES = tuple(spec.name for spec in KINDS["curve"].arrays if spec.name.startswith("event_"))
 
@@ -41,7 +40,7 @@ def curve_sizes(machine: Machine, case: Case, problem: CurveProblem) -> dict[str
         "component": size,
         "extended": size + 3,
         "augmented": size + 1,
-        "direction": len(DIRECTIONS),
+        "direction": len(DIRECTION_NAMES),
         "side": 2,
         "free": 2,
         "special": len(SpecialKind),
@@ -66,10 +65,10 @@ class CurveRecorder:
         problem: CurveProblem,
         curve: Branch,
         case: Case,
-        told: Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None],
+        report_point: Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None],
     ) -> None:
         self._machine, self._problem, self._curve = machine, problem, curve
-        self._case, self._told = case, told
+        self._case, self._report_point = case, report_point
         self._shape: CycleShape | None = None
 
     def limit(self, point: CurvePoint) -> str | None:
@@ -87,7 +86,7 @@ class CurveRecorder:
         rows += [_unlocated_row(case, kind, point, after) for kind in point.unlocated]
         autonomous = self._problem.period_map.autonomous
         self._curve.commit(point_row(case, point, state, self._shape, autonomous), _slots(state), rows)
-        self._told(point, state, specials)
+        self._report_point(point, state, specials)
 
 
 def point_row(
@@ -95,7 +94,7 @@ def point_row(
 ) -> dict[str, Any]:
     """One row of a group of kind ``curve`` of a case."""
     spectrum, form = point.cycle.spectrum, point.normal_form
-    others = other_multipliers(point.kind, spectrum.multipliers, point.kappa, autonomous)
+    others = other_multipliers(point.kind, spectrum.multipliers, point.cos_theta, autonomous)
     return {
         **parameter_columns(case, point.cycle.parameters),
         "period": state.period,
@@ -104,8 +103,8 @@ def point_row(
         "step": state.step,
         "arclength": state.arclength,
         "angle": point.angle,
-        "kappa": state.kappa,
-        "kappa_slope": state.kappa_slope,
+        "kappa": state.cos_theta,
+        "kappa_slope": state.cos_theta_slope,
         "special_tests": state.tests,
         "multipliers": spectrum.multipliers,
         "multiplier_residual": spectrum.residuals,
@@ -137,7 +136,7 @@ def _criticality(point: CurvePoint) -> int:
 
 def _slots(state: CurveState) -> dict[str, Any]:
     """What only the step after the newest point needs."""
-    directions = [getattr(state, name) for name in DIRECTIONS]
+    directions = [getattr(state, name) for name in DIRECTION_NAMES]
     return {
         "directions": np.array([np.concatenate([d.state, [d.period], d.parameters]) for d in directions]),
         "critical_vectors": np.array(
@@ -152,7 +151,7 @@ def special_row(case: Case, special: SpecialPoint, after_point: int) -> dict[str
     """One located special point."""
     return _event_row(
         case, special.kind, special.parameters, special.state, special.period, special.multipliers,
-        after_point, angle=float(np.arccos(np.clip(special.kappa, -1.0, 1.0))), residual=special.residual,
+        after_point, angle=float(np.arccos(np.clip(special.cos_theta, -1.0, 1.0))), residual=special.residual,
     )  # fmt: skip
 
 
@@ -200,7 +199,7 @@ def stored_special(curve: Group, index: int) -> SpecialPoint:
         state=np.array(arrays["event_state"][index]),
         period=float(arrays["event_period"][index]),
         multipliers=multipliers[np.isfinite(multipliers)],
-        kappa=float(np.cos(arrays["event_angle"][index])),
+        cos_theta=float(np.cos(arrays["event_angle"][index])),
         residual=float(arrays["event_residual"][index]),
         fraction=float("nan"),
         steps=-1,
@@ -224,10 +223,9 @@ def resumed_state(newest: Resume, rows: Mapping[str, Array], names: tuple[str, s
     previous = max(0, newest.n_points - 2)
     tests = rows["special_tests"][previous]
     size = len(row["state"])
-    arrays: dict[str, Any] = {
-        name: row[name] for name in ("state", "period", "kappa", "kappa_slope", "step", "arclength")
-    }
-    for name, direction in zip(DIRECTIONS, slots["directions"], strict=True):
+    arrays: dict[str, Any] = {name: row[name] for name in ("state", "period", "step", "arclength")}
+    arrays |= {"cos_theta": row["kappa"], "cos_theta_slope": row["kappa_slope"]}
+    for name, direction in zip(DIRECTION_NAMES, slots["directions"], strict=True):
         arrays |= {
             f"{name}_state": direction[:size],
             f"{name}_period": direction[size],

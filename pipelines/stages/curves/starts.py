@@ -9,8 +9,7 @@ with the curves traced before it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,7 +45,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Next:
+class PendingCurve:
     """A start whose curve is to be traced: the groups it has already, and all curves of its kind."""
 
     start: Start
@@ -65,57 +64,54 @@ class Next:
         }
 
 
-class Fate(Enum):
-    """Why no curve is traced from a start."""
+@dataclass
+class StartQueue:
+    """The starts of a case's curves in the order of kinds and groups, among all that the store has by then.
 
-    OUTSIDE = 1
-    KNOWN = 2
-    REFUSED = 3
-
-
-Fates = dict[tuple[EventKind, Origin], Fate]
-
-
-def next_start(job: Job, kinds: Sequence[EventKind], fates: Fates, boundaries: bool) -> Next | None:
-    """A curve that was begun; else the first start, in the order of kinds and groups, on no curve yet; None
-    when nothing is left.
-
-    ``fates`` remembers the starts that need not be looked at again; ``boundaries``: only starts that bound
-    stable cycles.
+    ``boundaries``: only starts that bound stable cycles.  ``settled``: starts found to need no curve, which
+    further curves do not change: ``outside`` of them lie outside the plane, ``refused`` are beyond the
+    largest number of curves, the others on a curve.
     """
-    fresh: Next | None = None
-    for kind in kinds:
-        known = _curves(job, kind)
-        origins = {name: Origin.of(curve.attributes) for name, curve in known.items()}
-        for start in starts_of(job, kind):
-            mine = tuple(name for name in known if origins[name] == start.origin)
-            if mine and not _is_finished(job, start, [known[name] for name in mine]):
-                return Next(start, mine, known)
-            if mine or fresh is not None or (kind, start.origin) in fates:
-                continue
-            if boundaries and not start.bounds:
-                continue
-            fate = _fate(job, start, known)
-            if fate is None:
-                fresh = Next(start, (), known)
-            else:
-                fates[kind, start.origin] = fate
-    return fresh
 
+    job: Job
+    kinds: Sequence[EventKind]
+    boundaries: bool = False
+    settled: set[tuple[EventKind, Origin]] = field(default_factory=set)
+    outside: int = 0
+    refused: int = 0
 
-def _fate(job: Job, start: Start, known: Mapping[str, Group]) -> Fate | None:
-    if not _is_inside(job, start):
-        return Fate.OUTSIDE
-    # a double Neimark-Sacker point lies on the curve that it was found on, and starts another one
-    others = (curve for name, curve in known.items() if name != start.origin.group)
-    if any(_lies_on(job, start, curve) for curve in others):
-        return Fate.KNOWN
-    return Fate.REFUSED if len(known) >= job.case.case.track_curves.max_curves else None
+    def next(self) -> PendingCurve | None:
+        """A curve that was begun; else the first start that is on no curve yet; None when nothing is left."""
+        fresh: PendingCurve | None = None
+        for kind in self.kinds:
+            known = _curves(self.job, kind)
+            origins = {name: Origin.of(curve.attributes) for name, curve in known.items()}
+            for start in starts_of(self.job, kind):
+                mine = tuple(name for name in known if origins[name] == start.origin)
+                if mine and not _is_finished(self.job, start, [known[name] for name in mine]):
+                    return PendingCurve(start, mine, known)
+                if mine or fresh is not None or (self.boundaries and not start.bounds):
+                    continue
+                if (kind, start.origin) not in self.settled and self._needs_curve(start, known):
+                    fresh = PendingCurve(start, (), known)
+        return fresh
+
+    def _needs_curve(self, start: Start, known: Mapping[str, Group]) -> bool:
+        # a double Neimark-Sacker point lies on the curve that it was found on, and starts another one
+        others = (curve for name, curve in known.items() if name != start.origin.group)
+        if not _is_inside(self.job, start):
+            self.outside += 1
+        elif not any(_lies_on(self.job, start, curve) for curve in others):
+            if len(known) < self.job.case.track_curves.max_curves:
+                return True
+            self.refused += 1
+        self.settled.add((start.problem.kind, start.origin))
+        return False
 
 
 def _is_finished(job: Job, start: Start, halves: Sequence[Group]) -> bool:
     """Whether the curve of a start has ended in both directions, and not for want of points."""
-    most = job.case.case.track_curves.max_points
+    most = job.case.track_curves.max_points
     ended = all(has_ended(half.attributes, half.n_points, WANTING_POINTS, most) for half in halves)
     return ended and (len(halves) == len(BOTH_WAYS) or is_whole(start, halves[0]))
 
@@ -148,9 +144,9 @@ def starts_of(job: Job, kind: EventKind) -> Iterator[Start]:
 
 
 def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
-    table, turns = job.case.case.track_curves, int(branch.attributes.get("turns", 1))
+    table, turns = job.case.track_curves, int(branch.attributes.get("turns", 1))
     event = stored_event(branch, origin.event)
-    cycles = with_multiplied_period(cycle_problem(job.machine, job.case.case), turns)
+    cycles = with_multiplied_period(cycle_problem(job.machine, job.case), turns)
     problem, guess = curve_from_event(cycles, event, table.parameters, CurveFormulation(table.formulation))
     others = other_multipliers(
         event.kind, event.multipliers, float(np.cos(event.angle)), cycles.period_map.autonomous
@@ -177,19 +173,19 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
 
 def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:
     """Curves of a kind over the plane of the case, the other parameters as given; bordered."""
-    case = job.case.case
+    case = job.case
     cycles = with_multiplied_period(cycle_problem(job.machine, case), turns)
     return CurveProblem(cycles.period_map, kind, parameters, case.track_curves.parameters, cycles.options)
 
 
 def _curves(job: Job, kind: EventKind) -> dict[str, Group]:
     """All curves of a kind, as far as `_lies_on` and `traced` need them."""
-    names = (*TRACED, *job.case.case.track_curves.parameters)
+    names = (*TRACED, *job.case.track_curves.parameters)
     return {group: job.read(group, names) for group in job.groups(CONTAINERS[kind])}
 
 
 def _is_inside(job: Job, start: Start) -> bool:
-    ranges = job.case.case.track_curves.ranges
+    ranges = job.case.track_curves.ranges
     return all(
         low <= value <= high for value, (low, high) in zip(start.guess.parameters, ranges, strict=True)
     )
@@ -223,5 +219,5 @@ def _samplings(start: Start) -> Iterator[CurveStart]:
 
 def parameter_scales(job: Job) -> tuple[float, float]:
     """Changes of the two free parameters that count as one."""
-    first, second = job.case.case.track_curves.parameters
-    return parameter_scale(job.case.case, first), parameter_scale(job.case.case, second)
+    first, second = job.case.track_curves.parameters
+    return parameter_scale(job.case, first), parameter_scale(job.case, second)

@@ -6,8 +6,8 @@ not depend on interruptions, and a store with more branches gets more curves, ne
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +36,10 @@ from pipelines.stages.curves.rows import (
 from pipelines.stages.curves.starts import (
     BOTH_WAYS,
     WANTING_POINTS,
-    Fate,
-    Fates,
-    Next,
+    PendingCurve,
     Start,
+    StartQueue,
     is_whole,
-    next_start,
     parameter_scales,
 )
 from pipelines.stages.cycles.problem import EVENT_SHARE, NORMAL_FORM, smooth_maps
@@ -81,39 +79,29 @@ def track_folds(case: NamedCase, store_path: Path, report: Report, should_stop: 
 
 
 def _track(job: Job, kind: EventKind) -> StageResult:
-    return curves_result(job, kind, trace_all(job, (kind,)))
+    queue = StartQueue(job, (kind,))
+    trace_all(queue)
+    return curves_result(job, kind, queue.outside, queue.refused)
 
 
-@dataclass(frozen=True)
-class Untraced:
-    """How many starts gave no curve: outside the plane, beyond the largest number of curves."""
-
-    outside: int = 0
-    refused: int = 0
-
-
-def trace_all(job: Job, kinds: Sequence[EventKind], boundaries: bool = False) -> Untraced:
-    """Trace every curve of some kinds that the store's bifurcations start; ``boundaries``: only those that
-    bound stable cycles where they start.
+def trace_all(queue: StartQueue) -> None:
+    """Trace every curve of a queue, until nothing is left or the stage is asked to stop.
 
     One curve after the other: what comes next follows from the store alone, so that a search that was
     interrupted goes on as if it had not been.
     """
-    fates: Fates = {}
-    while not job.should_stop() and (found := next_start(job, kinds, fates, boundaries)) is not None:
-        _trace_both_ways(job, found)
-    told = list(fates.values())
-    return Untraced(told.count(Fate.OUTSIDE), told.count(Fate.REFUSED))
+    while not queue.job.should_stop() and (pending := queue.next()) is not None:
+        _trace_both_ways(queue.job, pending)
 
 
-def _trace_both_ways(job: Job, chosen: Next) -> None:
+def _trace_both_ways(job: Job, pending: PendingCurve) -> None:
     """Trace the curve through a start: one group, or two when it is open and the start inside it."""
-    start, groups, known = chosen.start, list(chosen.groups), chosen.traced_before
+    start, groups, known = pending.start, list(pending.groups), pending.traced_before
     for half, direction in enumerate(BOTH_WAYS):
         if half == len(groups):
             if half == 1 and is_whole(start, job.read(groups[0], ("angle",))):
                 return
-            number = len(chosen.known) + len(groups) - len(chosen.groups)
+            number = len(pending.known) + len(groups) - len(pending.groups)
             groups.append(f"{CONTAINERS[start.problem.kind]}/c{number:03d}")
         trace_curve(job, start, groups[half], half, direction, known)
         if job.should_stop():
@@ -126,7 +114,7 @@ def trace_curve(
     """Follow a curve from its start, or from its last committed point, until it ends, runs along one that is
     ``known`` or is asked to stop.
     """
-    table = job.case.case.track_curves
+    table = job.case.track_curves
     attributes = {
         "bifurcation": start.problem.kind.name.lower(),
         "parameters": list(table.parameters),
@@ -137,8 +125,8 @@ def trace_curve(
         # more points and more curves may be asked for later; everything else must stay as it was
         "request": table.model_dump(mode="json", exclude={"max_points", "max_curves"}),
     }
-    sizes = curve_sizes(job.machine, job.case.case, start.problem)
-    static = coordinates(job.case.case)
+    sizes = curve_sizes(job.machine, job.case, start.problem)
+    static = coordinates(job.case)
     with open_branch(job.store, job.path(group), "curve", sizes, static, attributes) as curve:
         if not curve.is_complete(WANTING_POINTS, table.max_points):
             _follow(job, start, group, curve, direction, known)
@@ -147,7 +135,7 @@ def trace_curve(
 def _follow(
     job: Job, start: Start, group: str, curve: BranchWriter, direction: int, known: Mapping[str, KnownCurve]
 ) -> None:
-    case = job.case.case
+    case = job.case
     problem = start.problem
     if case.track_curves.normal_forms:
         smooth = smooth_maps(case, problem.period_map, case.track_curves.normal_form_widths)
@@ -160,7 +148,9 @@ def _follow(
         rows = job.read(group, (*RESUMED, *names))
         begin, own = resumed_state(newest, rows.arrays, names), traced(rows, names)
     else:
-        job.tell(0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}")
+        job.report_progress(
+            0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}"
+        )
     options = curve_options(job, direction)
     result = continue_curve(
         problem, begin, options, recorder.record, recorder.limit, job.should_stop, known, own
@@ -170,7 +160,7 @@ def _follow(
 
 def curve_options(job: Job, direction: int) -> CurveOptions:
     """Options of the continuation from the case's table."""
-    table = job.case.case.track_curves
+    table = job.case.track_curves
     return CurveOptions(
         ranges=table.ranges,
         direction=direction,
@@ -179,7 +169,7 @@ def curve_options(job: Job, direction: int) -> CurveOptions:
         maximum_step=table.maximum_step,
         max_points=table.max_points,
         parameter_scales=parameter_scales(job),
-        event_tolerance=EVENT_SHARE * job.case.case.numerics.event_tolerance,
+        event_tolerance=EVENT_SHARE * job.case.numerics.event_tolerance,
         normal_form=NORMAL_FORM if table.normal_forms else None,
     )
 
@@ -187,38 +177,41 @@ def curve_options(job: Job, direction: int) -> CurveOptions:
 def _progress_callback(
     job: Job, start: Start, group: str
 ) -> Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None]:
-    """What is told of every recorded point."""
-    limit, names = job.case.case.track_curves.max_points, start.problem.names
+    """The report of every recorded point."""
+    limit, names = job.case.track_curves.max_points, start.problem.names
 
-    def told(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
+    def report_point(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
         where = ", ".join(f"{name} {value:.5g}" for name, value in zip(names, state.parameters, strict=True))
         found = "".join(f", {special.kind.name.lower().replace('_', ' ')}" for special in specials)
-        job.tell(state.index + 1, limit, f"{group}: {where}{found}")
+        job.report_progress(state.index + 1, limit, f"{group}: {where}{found}")
 
-    return told
+    return report_point
 
 
-def curves_result(job: Job, kind: EventKind, untraced: Untraced) -> StageResult:
-    """How the curves of a case ended: the case is well when all of them are complete."""
+def curves_result(job: Job, kind: EventKind, outside: int = 0, refused: int = 0) -> StageResult:
+    """How the curves of a case ended: a success when all of them are complete.
+
+    ``outside``: starts outside the plane; ``refused``: starts beyond the largest number of curves.
+    """
     names = ("event_kind", step_errors.STEP_ERROR)
     curves = [job.read(group, names) for group in job.groups(CONTAINERS[kind])]
-    ok = not untraced.refused and all(is_success(curve, COMPLETE) for curve in curves)
+    ok = not refused and all(is_success(curve, COMPLETE) for curve in curves)
     specials: list[str] = []
     for curve in curves:
         specials += [label.replace("_", " ") for label in curve.labels("event_kind").tolist()]
     summary: dict[str, Any] = {"curves": len(curves), "points": sum(curve.n_points for curve in curves)}
     summary |= {name: specials.count(name) for name in dict.fromkeys(specials)}
-    if untraced.outside:
-        summary["starts outside the plane"] = untraced.outside
+    if outside:
+        summary["starts outside the plane"] = outside
     unknown = step_errors.count(curves)
-    if where := step_errors.told(unknown):
+    if where := step_errors.in_words(unknown):
         summary[step_errors.NAME] = where
     reasons = [curve.attributes["stop_reason"] for curve in curves if curve.attributes["stop_reason"]]
     if job.should_stop():
         reasons.append("stopped on request")
     advice = [curve.attributes["stop_advice"] for curve in curves]
-    if untraced.refused:
-        advice.append(f"{untraced.refused} more curves were not traced: raise track_curves.max_curves")
+    if refused:
+        advice.append(f"{refused} more curves were not traced: raise track_curves.max_curves")
     reason = ", ".join(dict.fromkeys(reasons)) or f"no {kind.name.lower().replace('_', ' ')} to start from"
     sentences, doubt = "; ".join(dict.fromkeys(filter(None, advice))), step_errors.caution(unknown)
-    return StageResult(job.case.case_id, ok, reason, sentences, summary, caution=doubt)
+    return StageResult(job.case_id, ok, reason, sentences, summary, caution=doubt)

@@ -1,8 +1,8 @@
-"""Branches of cycles into a store.
+"""Compute branches of cycles into a store.
 
 - continue_cycles: the stage
-- problem: from a case to the continuation problem
+- problem: the continuation problem of a case
 - start: the first cycle of a branch
-- branch: one branch: started, followed, resumed, ended
+- branch: one branch: start, continue, resume, end
 - rows: points of a branch as rows, and back
 """

@@ -1,4 +1,4 @@
-"""One branch of cycles into its group of the store: started, followed point by point, resumed, ended."""
+"""One branch of cycles in its group of the store: start, continue point by point, resume, end."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pipelines.stages.cycles.rows import (
     EVENT_NAMES,
     RESUMED,
     BranchRecorder,
-    branch_sizes,
+    cycle_sizes,
     resumed_state,
     static_arrays,
     stored_event,
@@ -35,8 +35,10 @@ DOUBLED_AMPLITUDES = (1.0, 0.25, 4.0)  # of the first doubled cycle, in units of
 
 @dataclass(frozen=True)
 class BranchRequest:
-    """One branch: its `group` (cycles/b000), the `case` with the [continue_cycles] table that it follows, the
-    `direction` of the parameter, and the other parameters that differ from the case's own (`fixed`).
+    """One branch of cycles to be computed.
+
+    Its `group` (cycles/b000), the `case` with the [continue_cycles] table that it uses, the `direction`
+    of the parameter, and the other parameters that differ from the case's own (`fixed`).
 
     A period-doubled branch has `turns` 2, 4, 8 excitation periods and starts from a period doubling, its
     `origin`.
@@ -50,7 +52,7 @@ class BranchRequest:
     origin: Origin | None = None
 
     def attributes(self) -> dict[str, Any]:
-        """What the group says of the request."""
+        """The request as attributes of its group."""
         table = self.case.continue_cycles
         attributes: dict[str, Any] = {
             "parameter": table.parameter,
@@ -65,19 +67,20 @@ class BranchRequest:
 
 
 def request_problem(job: Job, request: BranchRequest) -> CycleProblem:
-    """The cycles that a request follows."""
+    """The cycles of a request."""
     problem = cycle_problem(job.machine, request.case, request.fixed)
     return with_multiplied_period(problem, request.turns)
 
 
 def trace_branch(job: Job, request: BranchRequest) -> None:
-    """Follow a branch from its first cycle, or from its last committed point, until it ends or is asked to
-    stop.  A branch that cannot start is an ended group without points, whose attributes say why.
+    """Trace a branch from its first cycle, or from its last committed point, until it ends or is stopped.
+
+    A branch that cannot start is an ended group without points, whose attributes say why.
 
     Raises what `open_branch` raises.
     """
     problem = request_problem(job, request)
-    sizes = branch_sizes(job.machine, request.case, problem)
+    sizes = cycle_sizes(job.machine, request.case, problem)
     static = static_arrays(job.machine, request.case, problem)
     with open_branch(
         job.store, job.path(request.group), "cycles", sizes, static, request.attributes()
@@ -103,7 +106,7 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
         rows = job.read(request.group, (*RESUMED, table.parameter)).arrays
         store_end(branch, run(resumed_state(newest, rows, table.parameter), request.direction))
         return
-    job.tell(0, table.max_points, f"{request.group}: looking for the first cycle")
+    job.report_progress(0, table.max_points, f"{request.group}: looking for the first cycle")
     failure = NoStart("no cycle was found", "")
     for found in _first_cycles(job, request, problem, Guard(recorder.limit, job.should_stop)):
         if job.should_stop():
@@ -125,24 +128,24 @@ def _follow(job: Job, request: BranchRequest, branch: BranchWriter, problem: Cyc
 def _progress_callback(
     job: Job, request: BranchRequest
 ) -> Callable[[BranchPoint, BranchState, tuple[Event, ...]], None]:
-    """What is told of every recorded point."""
+    """The report of every recorded point."""
     table = request.case.continue_cycles
 
-    def told(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
+    def report_point(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
         message = (
             f"{table.parameter} {state.parameter:.5g}, largest multiplier {abs(state.multipliers[0]):.4f}"
         )
         message += f", {state.steps} steps per period"
         message += "".join(f", {event.kind.name.lower().replace('_', ' ')}" for event in events)
-        job.tell(state.index + 1, table.max_points, f"{request.group}: {message}")
+        job.report_progress(state.index + 1, table.max_points, f"{request.group}: {message}")
 
-    return told
+    return report_point
 
 
 def _first_cycles(
     job: Job, request: BranchRequest, problem: CycleProblem, watch: Guard
 ) -> Iterator[FirstCycle | NoStart]:
-    """Guesses of the first cycle: of a doubled branch beside its period doubling."""
+    """Guesses of the first cycle; for a doubled branch beside its period doubling."""
     if request.origin is None:
         yield from first_cycles(job.machine, request.case, problem, watch)
         return

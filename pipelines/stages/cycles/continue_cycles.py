@@ -1,5 +1,6 @@
-"""`agfb continue-cycles`: branches of limit cycles with their Floquet multipliers and bifurcations, point by
-point, and the branches of period-doubled cycles that leave them.
+"""`agfb continue-cycles`: branches of limit cycles with Floquet multipliers and bifurcations.
+
+Also the branches of period-doubled cycles that leave them.  Every point is committed.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ PERIOD_DOUBLING = KINDS["cycles"].array("event_kind").flag("period_doubling")
 def continue_cycles(
     case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
 ) -> StageResult:
-    """Fill the groups ``cycles/b000``, ... of a case, one branch per direction, and ``cycles/d000``, ... with
-    period-doubled branches; resumes behind the last point.
+    """Fill the groups ``cycles/b000``, ... of a case, one branch per direction.
+
+    Period-doubled branches fill ``cycles/d000``, ...; resumes after the last point.
     """
     job = Job.of("continue-cycles", case, store_path, report, should_stop)
     groups = []
@@ -42,7 +44,7 @@ def continue_cycles(
 
 
 def directions(case: Case) -> tuple[int, ...]:
-    """Directions of the branches; a self-excited one leaves its Hopf point on the side where it exists."""
+    """Directions of the branches; a self-excited branch leaves its Hopf point on the side where it exists."""
     table = case.continue_cycles
     if is_self_excited(case) and table.parameter == "speed":
         return (1,)
@@ -50,9 +52,9 @@ def directions(case: Case) -> tuple[int, ...]:
 
 
 def _trace_doubled(job: Job, parents: list[str]) -> list[str]:
-    """Branches of twice, four times, ... the period, each from a period doubling of the level before."""
+    """Branches of twice, four times, ... the period, each from a period doubling of the previous level."""
     groups: list[str] = []
-    for level in range(job.case.case.continue_cycles.doublings):
+    for level in range(job.case.continue_cycles.doublings):
         found: list[str] = []
         for origin in _period_doublings(job, parents):
             if job.should_stop():
@@ -61,7 +63,7 @@ def _trace_doubled(job: Job, parents: list[str]) -> list[str]:
                 continue
             groups.append(f"cycles/d{len(groups):03d}")
             found.append(groups[-1])
-            trace_branch(job, BranchRequest(groups[-1], job.case.case, turns=2 ** (level + 1), origin=origin))
+            trace_branch(job, BranchRequest(groups[-1], job.case, turns=2 ** (level + 1), origin=origin))
         parents = found
     return groups
 
@@ -78,10 +80,11 @@ def _period_doublings(job: Job, groups: list[str]) -> Iterator[Origin]:
 
 
 def _ends_at(job: Job, groups: list[str], origin: Origin) -> bool:
-    """Whether one of the doubled branches has come back to this period doubling: it lies within the last step
-    of that branch.
+    """Whether one of the doubled branches has returned to this period doubling.
+
+    It then lies within the last step of that branch.
     """
-    parameter = job.case.case.continue_cycles.parameter
+    parameter = job.case.continue_cycles.parameter
     there = float(job.read(origin.group, (f"event_{parameter}",))[f"event_{parameter}"][origin.event])
     for group in groups:
         branch = job.read(group, (parameter, "arclength"))
@@ -95,32 +98,32 @@ def _ends_at(job: Job, groups: list[str], origin: Origin) -> bool:
 
 
 def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
-    """How the branches of a case ended: the case is well when all of them are."""
-    parameter = job.case.case.continue_cycles.parameter
+    """How the branches of a case ended; the stage succeeds if all of them do."""
+    parameter = job.case.continue_cycles.parameter
     names = ("event_kind", f"event_{parameter}", step_errors.STEP_ERROR)
     branches, trees = (
         [job.read(group, names) for group in groups],
         [job.read(group, names) for group in doubled],
     )
-    told: dict[str, Any] = {"points": sum(branch.n_points for branch in branches)}
+    summary: dict[str, Any] = {"points": sum(branch.n_points for branch in branches)}
     if trees:
-        told["doubled branches"] = len(trees)
+        summary["doubled branches"] = len(trees)
     for branch in branches + trees:
-        told |= _events_summary(branch.arrays, parameter, told)
+        summary |= _events_summary(branch.arrays, parameter, summary)
     unknown = step_errors.count(branches + trees)
-    if where := step_errors.told(unknown):
-        told[step_errors.NAME] = where
+    if where := step_errors.in_words(unknown):
+        summary[step_errors.NAME] = where
     reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
     advice = [branch.attributes["stop_advice"] for branch in branches + trees]
     ok = all(is_success(branch, COMPLETE) for branch in branches + trees)
     # two branches that end alike say so once
     sentences = "; ".join(dict.fromkeys(filter(None, advice)))
     doubt = step_errors.caution(unknown)
-    return StageResult(job.case.case_id, ok, ", ".join(reasons), sentences, told, caution=doubt)
+    return StageResult(job.case_id, ok, ", ".join(reasons), sentences, summary, caution=doubt)
 
 
 def _events_summary(arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any]) -> dict[str, str]:
-    """Where the bifurcations lie, by kind: 'neimark sacker' -> '1.0391, 1.2012'."""
+    """Locations of the bifurcations by kind: 'neimark sacker' -> '1.0391, 1.2012'."""
     meanings = KINDS["cycles"].array("event_kind").flags
     found: dict[str, str] = {}
     for kind, value in zip(arrays["event_kind"], arrays[f"event_{parameter}"], strict=True):

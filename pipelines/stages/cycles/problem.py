@@ -1,12 +1,9 @@
-"""From a case to the continuation problem of its cycles."""
+"""Build the continuation problem of a case's cycles."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-
-import numpy as np
-from numpy.typing import NDArray
 
 from pipelines.bifurcations.branch import ContinuationOptions
 from pipelines.bifurcations.detection import DetectionOptions
@@ -22,8 +19,6 @@ from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import steppers
 from pipelines.orbits.system import DynamicalSystem
 
-Array = NDArray[np.float64]
-
 ORBIT_SAMPLES = 64
 INITIAL_COLUMNS = 23  # and the parameter column: three lines of eight
 BUFFER_COLUMNS = 7
@@ -36,7 +31,7 @@ NORMAL_FORM = NormalFormOptions(difference=2.5e-4)  # stays inside the regularis
 
 
 def cycle_problem(machine: Machine, case: Case, fixed: Mapping[str, float] | None = None) -> CycleProblem:
-    """The cycles of a case along the parameter that is continued, at the value where the branch starts.
+    """The cycles of a case along the continued parameter, at the value where the branch starts.
 
     ``fixed``: other parameters at values that are not the case's own.
     """
@@ -71,8 +66,9 @@ def cycle_problem(machine: Machine, case: Case, fixed: Mapping[str, float] | Non
 
 
 def smooth_maps(case: Case, period_map: PeriodMap, widths: Sequence[float]) -> tuple[PeriodMap, ...]:
-    """The period map of a case with Guembel's clipping regularised over each of the ``widths``: the
-    ``smooth_maps`` of a CurveProblem; none when the clipping of neither bearing is Guembel's.
+    """The period map of a case with Guembel's clipping regularised over each of the ``widths``.
+
+    The ``smooth_maps`` of a CurveProblem; none when the clipping of neither bearing is Guembel's.
     """
     if all(bearing.clipping != "gumbel" for bearing in case.bearings):
         return ()
@@ -90,7 +86,7 @@ def _smooth_system(case: Case, width: float) -> DynamicalSystem:
 
 
 def is_self_excited(case: Case) -> bool:
-    """Whether the cycles are those of the passive machine, whose period is its own."""
+    """Whether the cycles are self-excited cycles of the passive machine, with unknown period."""
     table = case.continue_cycles
     return (
         table.formulation == "autonomous"
@@ -100,12 +96,12 @@ def is_self_excited(case: Case) -> bool:
 
 
 def parameter_scale(case: Case, name: str) -> float:
-    """The change of a continued parameter that counts as one: of a foil stiffness the case's own value."""
+    """The change of a continued parameter that counts as one; for a foil stiffness the case's own value."""
     return float(parameter_vector(case)[film.FOIL_STIFFNESS]) if name == "foil_stiffness" else 1.0
 
 
 def continuation_options(case: Case, direction: int) -> ContinuationOptions:
-    """Options of the arclength continuation; foil stiffnesses count relative to that of the start."""
+    """Options of the continuation; foil stiffnesses are relative to the one at the start."""
     table = case.continue_cycles
     scale = parameter_scale(case, table.parameter)
     if table.parameter == "foil_stiffness" and table.start is not None:

@@ -1,4 +1,4 @@
-"""Branch points as rows of a store, and rows as the state from which a branch goes on."""
+"""Points of a branch as rows of a store, and rows as the state that resumes a branch."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipelines.bifurcations.branch import BranchPoint, BranchState
 from pipelines.bifurcations.detection import Event, EventKind, Resonance
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
@@ -20,8 +20,6 @@ from pipelines.orbits.shooting import CycleProblem
 from pipelines.stages.job import coordinates
 from pipelines.stages.parameter_columns import parameter_columns, stored_parameters
 
-Array = NDArray[np.float64]
-
 SNAPSHOTS = 8
 EVENT_NAMES = (
     *(spec.name for spec in KINDS["cycles"].arrays if spec.name.startswith("event_")),
@@ -29,7 +27,7 @@ EVENT_NAMES = (
 )
 
 
-def branch_sizes(machine: Machine, case: Case, problem: CycleProblem) -> dict[str, int]:
+def cycle_sizes(machine: Machine, case: Case, problem: CycleProblem) -> dict[str, int]:
     """Sizes of the dimensions of a branch's group."""
     size, columns = problem.period_map.size, problem.options.basis.maximum_columns
     return {
@@ -48,7 +46,7 @@ def branch_sizes(machine: Machine, case: Case, problem: CycleProblem) -> dict[st
 
 
 def static_arrays(machine: Machine, case: Case, problem: CycleProblem) -> dict[str, Any]:
-    """Coordinates of a branch's group that are written once."""
+    """Coordinates of a branch's group, written once."""
     samples = problem.period_map.samples
     theta = np.full((BEARINGS, max(bearing.settings.nodes for bearing in machine.bearings)), np.nan)
     for index, bearing in enumerate(machine.bearings):
@@ -65,7 +63,7 @@ _SAME_HALVES = 1e-6  # of the clearance: far below the amplitude at which double
 
 
 class BranchRecorder:
-    """Writes every accepted point of a branch, and ends the branch where a film is no longer physical.
+    """Writes every accepted point of a branch, and ends the branch if a film is no longer physical.
 
     A branch of cycles of ``turns`` > 1 excitation periods also ends behind its own period doubling, beyond
     which the same cycles follow, shifted in time.  The shape of a cycle is computed once, in ``limit``, which
@@ -78,11 +76,11 @@ class BranchRecorder:
         machine: Machine,
         branch: Branch,
         case: Case,
-        told: Callable[[BranchPoint, BranchState, tuple[Event, ...]], None],
+        report_point: Callable[[BranchPoint, BranchState, tuple[Event, ...]], None],
         turns: int = 1,
         resumed: Group | None = None,
     ) -> None:
-        self._machine, self._branch, self._case, self._told = machine, branch, case, told
+        self._machine, self._branch, self._case, self._report_point = machine, branch, case, report_point
         self._turns, self._first = turns, resumed is None
         self._repeats = resumed is not None and _has_own_doubling(resumed)
         self._shape: CycleShape | None = None
@@ -100,7 +98,7 @@ class BranchRecorder:
         return unphysical(self._shape, self._case.continue_cycles.minimum_film)
 
     def record(self, point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
-        """Commit the point ``limit`` has just passed, with the events that lead to it."""
+        """Commit the point that ``limit`` has just accepted, with the events that lead to it."""
         assert self._shape is not None
         self._first = False
         case, after = self._case, state.index - 1
@@ -110,7 +108,7 @@ class BranchRecorder:
         self._branch.commit(point_row(case, point, state, self._shape), slots, rows)
         kinds = (*(event.kind for event in events), *point.unlocated)
         self._repeats = self._repeats or EventKind.OWN_PERIOD_DOUBLING in kinds
-        self._told(point, state, events)
+        self._report_point(point, state, events)
 
 
 def _has_own_doubling(branch: Group) -> bool:
@@ -119,7 +117,7 @@ def _has_own_doubling(branch: Group) -> bool:
 
 
 def _halves_apart(orbit: Array) -> float:
-    """How far the masters move in half a period: zero for a cycle of half the period."""
+    """Distance that the masters move in half a period: zero for a cycle of half the period."""
     return float(np.max(np.abs(orbit[0] - orbit[len(orbit) // 2])))
 
 
@@ -177,7 +175,7 @@ def _resonance_name(event: Event) -> str:
 
 
 def unlocated_row(case: Case, kind: EventKind, point: BranchPoint, after_point: int) -> dict[str, Any]:
-    """A bifurcation that was detected before a point but not located: the point's own values, no residual."""
+    """A bifurcation that was detected before a point but not located: the point's values, no residual."""
     cycles, unknowns = KINDS["cycles"], point.cycle.unknowns
     return {
         "event_kind": np.int8(cycles.array("event_kind").flag(kind.name.lower())),
@@ -194,7 +192,7 @@ def unlocated_row(case: Case, kind: EventKind, point: BranchPoint, after_point: 
 
 
 def stored_event(branch: Group, index: int) -> Event:
-    """A located bifurcation read back; of ``branch`` the arrays ``EVENT_NAMES`` are needed."""
+    """A located bifurcation read from the store; ``branch`` needs the arrays ``EVENT_NAMES``."""
     arrays = branch.arrays
     multipliers = arrays["event_multipliers"][index]
     multipliers = multipliers[np.isfinite(multipliers)]

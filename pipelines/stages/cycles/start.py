@@ -1,4 +1,4 @@
-"""The first cycle of a branch: forced cycles from an equilibrium, self-excited ones from a Hopf point."""
+"""The first cycle of a branch: forced cycles from an equilibrium, self-excited cycles from a Hopf point."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import (
@@ -15,9 +14,10 @@ from pipelines.bifurcations.branch import (
     BranchState,
     BranchStop,
     ContinuationOptions,
-    Limit,
 )
+from pipelines.bifurcations.continuation import Limit
 from pipelines.bifurcations.detection import DetectionOptions, Event
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine
@@ -29,8 +29,6 @@ from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.orbits.time_steps import MOST_STEPS
 from pipelines.stages.cycles.problem import is_self_excited
 from pipelines.stages.linear.linearize import hopf_between, leading_growth
-
-Array = NDArray[np.float64]
 
 HOPF_SCAN_POINTS = 25
 
@@ -45,7 +43,7 @@ class NoStart:
 
 @dataclass(frozen=True)
 class FirstCycle:
-    """A guess of the first cycle and the direction in which the branch leaves it (0: as the user asked)."""
+    """A guess of the first cycle and the direction in which the branch leaves it (0: as requested)."""
 
     start: BranchStart
     direction: int = 0
@@ -53,9 +51,9 @@ class FirstCycle:
 
 @dataclass(frozen=True)
 class Guard:
-    """What may end the way to a first cycle before its time: a physical limit, the user."""
+    """What may end the search of a first cycle early: a physical limit, or the user."""
 
-    limit: Limit
+    limit: Limit[BranchPoint]
     should_stop: Callable[[], bool]
 
 
@@ -73,7 +71,7 @@ def first_cycles(
 
 
 def resting_start(machine: Machine, problem: CycleProblem) -> FirstCycle | NoStart:
-    """The equilibrium in the mean ring as a guess of the forced cycle."""
+    """The equilibrium with the mean ring as a guess of the forced cycle."""
     equilibrium = machine_equilibrium(machine, problem.parameters)
     if not equilibrium.converged:
         return NoStart("there is no equilibrium to start from", equilibrium.reason)
@@ -99,9 +97,9 @@ def _too_stiff(problem: CycleProblem, start: BranchStart) -> NoStart | None:
         return None
     return NoStart(
         f"the machine is too stiff: stability needs {steps} steps per period (fastest rate {radius:.3g})",
-        "a foil relaxes at the rate 1/loss_factor, a film at one that grows like the fourth power of "
-        "numerics.axial: raise the one, lower the other, or use the implicit numerics.stepper; "
-        "numerics.steps_per_period insists on a number",
+        "a foil relaxes at the rate 1/loss_factor, a film at a rate that grows like the fourth power of "
+        "numerics.axial: raise loss_factor, lower numerics.axial, or use the implicit numerics.stepper; "
+        "numerics.steps_per_period forces a number of steps",
     )
 
 
@@ -127,7 +125,7 @@ def _ramped_start(machine: Machine, case: Case, problem: CycleProblem, watch: Gu
 def _carried(
     problem: CycleProblem, start: BranchStart, target: float, step: float, watch: Guard
 ) -> BranchStart | NoStart:
-    """The cycle at ``target`` of the problem's parameter by continuation from ``start``, not turning back."""
+    """The cycle at ``target`` of the problem's parameter, continued from ``start`` without turning back."""
     low, high = sorted((start.parameter, target))
     options = ContinuationOptions(
         range=(low, high), direction=1 if target > start.parameter else -1, step=step,
@@ -145,7 +143,7 @@ def _carried(
 
 
 def _forget(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
-    """Record nothing: only the end of the way matters."""
+    """Record nothing: only the end of the continuation matters."""
 
 
 def _small_whirl(machine: Machine, case: Case, problem: CycleProblem, watch: Guard) -> FirstCycle | NoStart:
@@ -178,7 +176,7 @@ def _small_whirl(machine: Machine, case: Case, problem: CycleProblem, watch: Gua
 
 
 def _without_hopf(machine: Machine, parameters: Array, low: float, high: float) -> NoStart:
-    """Why no whirl begins between two speeds: an end has no equilibrium, or it stays as stable as it is."""
+    """Why no whirl begins between two speeds: no equilibrium at an end, or no change of stability."""
     for speed in (low, high):
         found = machine_equilibrium(machine, at_speed(parameters, speed))
         if not found.converged:
@@ -194,8 +192,9 @@ def _without_hopf(machine: Machine, parameters: Array, low: float, high: float) 
 def first_hopf(
     machine: Machine, parameters: Array, low: float, high: float, points: int = HOPF_SCAN_POINTS
 ) -> Instability | None:
-    """The lowest speed between ``low`` and ``high`` at which the equilibrium loses stability, seen from
-    ``points`` equally spaced speeds.
+    """The lowest speed between ``low`` and ``high`` at which the equilibrium loses stability.
+
+    As seen from ``points`` equally spaced speeds.
     """
     last_speed, last_growth, guess = np.nan, np.nan, None
     for speed in np.linspace(low, high, points):

@@ -1,7 +1,7 @@
-"""Linear stages along the speed.
+"""Linear analyses along the speed.
 
 - linearize: equilibria, bearing coefficients, eigenvalues
 - criticals: Campbell diagram, critical speeds, predicted resonances
-- condensed_modes: how far the condensed rotor is off
+- condensed_modes: error of the condensed rotor
 - missing_speeds: speeds without equilibrium
 """

@@ -1,6 +1,4 @@
-"""How far the condensed rotor is off below the highest speed: part of the result of `agfb criticals`, and a
-caution to everything else that is computed with it.
-"""
+"""Error of the condensed rotor: stored by `agfb criticals`, and a caution to all that is computed with it."""
 
 from __future__ import annotations
 
@@ -11,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import Scales
 from pipelines.datasets.reading import read_group
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.condensation_error import (
@@ -30,13 +29,12 @@ from pipelines.machine.rotor_modes import LinearBearing
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed, dynamic_stiffness
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class LinearBearings:
-    """Films linearised at ``speeds`` (dimensionless), ``dimensional`` [rad/s]: coefficients of every bearing
-    along them.
+    """Films linearised at ``speeds`` (dimensionless), ``dimensional`` [rad/s].
+
+    The coefficients of every bearing along them.
     """
 
     speeds: Array
@@ -82,7 +80,7 @@ def _synchronous_coefficients(
 
 @dataclass(frozen=True)
 class CheckedModes:
-    """What is stored: arrays of the compared modes, the largest error, a sentence where it is too large."""
+    """The stored check: arrays of the compared modes, the largest error, a sentence if it is too large."""
 
     arrays: dict[str, Any]
     error: float
@@ -92,8 +90,10 @@ class CheckedModes:
 def checked_modes(
     machine: Machine, case: Case, linear: LinearBearings, at_operation: int, critical: Sequence[float]
 ) -> CheckedModes:
-    """Modes up to the upper end of ``criticals.speed_range``, condensed against full, at the operating speed,
-    at the highest speed and at the ``critical`` speeds (at the nearest of the linearisation).
+    """Modes up to the upper end of ``criticals.speed_range``, condensed against full.
+
+    At the operating speed, at the highest speed and at the ``critical`` speeds (at the nearest of the
+    linearisation).
     """
     table = case.criticals
     nearest = [int(np.argmin(np.abs(linear.speeds - speed))) for speed in critical]
@@ -124,10 +124,12 @@ def checked_modes(
 
 
 def condensation_caution(case: NamedCase, store: Store) -> str:
-    """What must be said of everything computed with the condensed rotor of a case: the caution of `criticals`
-    where the store has them, else that at the operating and the highest speed. Empty without an equilibrium.
+    """The caution for everything computed with the condensed rotor of a case.
+
+    The caution of `criticals` if the store has them, else one from the operating and the highest speed.
+    Empty without an equilibrium.
     """
-    group = f"cases/{case.case_id}/criticals"
+    group = case_group(case.case_id, "criticals")
     if store.has_group(group):
         return str(read_group(store, group, ()).attributes.get("caution", ""))
     machine, parameters = build_machine(case.case), parameter_vector(case.case)
@@ -145,7 +147,7 @@ def condensation_caution(case: NamedCase, store: Store) -> str:
 
 
 def _caution(errors: ModeErrors, scales: Scales, masters: Masters, better: Masters, left: ModeErrors) -> str:
-    """Which mode is off by how much, and the masters that mend it."""
+    """Which mode has which error, and the masters that reduce it."""
     worst = int(np.argmax(errors.relative))
     speed, full, condensed = (
         float(values[worst]) * scales.time for values in (errors.speed, errors.full, errors.condensed)
@@ -153,16 +155,16 @@ def _caution(errors: ModeErrors, scales: Scales, masters: Masters, better: Maste
     place = f"below the highest speed, at the rotating speed {speed:.4g}"
     if np.isfinite(condensed):
         hertz = f"{scales.hertz(condensed):.4g} instead of {scales.hertz(full):.4g} Hz"
-        told = f"the condensed rotor has a mode {100.0 * errors.worst:.3g} % off ({hertz}) {place}"
+        fault = f"the condensed rotor has a mode {100.0 * errors.worst:.3g} % off ({hertz}) {place}"
     else:
-        told = f"the condensed rotor lacks the mode of {scales.hertz(full):.4g} Hz {place}"
+        fault = f"the condensed rotor lacks the mode of {scales.hertz(full):.4g} Hz {place}"
     if better == masters:
-        return f"{told}; no further master helps"
+        return f"{fault}; no further master helps"
     left_over = f"{100.0 * left.worst:.2g} %"
-    return f"{told}; with rotor.masters = {written(better)} no mode is more than {left_over} off"
+    return f"{fault}; with rotor.masters = {written(better)} no mode is more than {left_over} off"
 
 
 def written(masters: Masters) -> str:
-    """Masters as in a configuration file."""
+    """Masters in the notation of a configuration file."""
     entries = (f"{{ node = {n}, slopes = true }}" if n in masters.slopes else str(n) for n in masters.nodes)
     return f"[{', '.join(entries)}]"

@@ -1,6 +1,4 @@
-"""`agfb criticals`: Campbell diagram, critical speeds, predicted parametric resonances, full against
-condensed rotor.
-"""
+"""`agfb criticals`: Campbell diagram, critical speeds, resonances, full against condensed rotor."""
 
 from __future__ import annotations
 
@@ -12,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_writing
+from pipelines.datasets.store import Store, case_group, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.condensation_check import CondensationComparison, compare_condensation
 from pipelines.orbits.equilibria.campbell import CampbellDiagram, campbell_diagram
@@ -35,20 +34,18 @@ from pipelines.stages.linear import missing_speeds
 from pipelines.stages.linear.condensed_modes import LinearBearings, checked_modes, linear_bearings
 from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult, StopRequested
 
-Array = NDArray[np.float64]
-
 COMPARED_MODES = 8
 # The unbalance of the comparison: the rotor's mass, off its axis by this part of the clearance.
 UNBALANCE_ECCENTRICITY = 0.01
 
 NO_CRITICAL = "no critical speed lies inside the range"
 UNDECIDED = "critical speeds may be missing"
-WELL = missing_speeds.WELL | {NO_CRITICAL}  # reasons that are no failure
+SUCCESSFUL = missing_speeds.SUCCESSFUL | {NO_CRITICAL}  # reasons that are no failure
 
 
 def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Write the group ``criticals`` of a case at once; computed again only when its table has changed."""
-    store, group = open_for_writing(store_path), f"cases/{case.case_id}/criticals"
+    """Write the group ``criticals`` of a case at once; recomputed only if its table has changed."""
+    store, group = open_for_writing(store_path), case_group(case.case_id, "criticals")
     request = case.case.criticals.model_dump(mode="json")
     if store.has_group(group) and read_group(store, group, ()).attributes.get("request") == request:
         return _result(case.case_id, store, group)
@@ -79,16 +76,16 @@ def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
         checked = checked_modes(machine, case.case, linear, at_operation, speeds_found)
         arrays |= checked.arrays
         attributes = {"condensation_error": checked.error, "caution": checked.caution}
-    attributes |= {"request": request, **_told(diagram, critical, speeds)}
+    attributes |= {"request": request, **_missing_attributes(diagram, critical, speeds)}
     write_group(store, group, "criticals", arrays, attributes)
     report(Progress("criticals", case.case_id, total, total))
     return _result(case.case_id, store, group)
 
 
-def _told(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> dict[str, Any]:
-    """Attributes that say what is missing: speeds without equilibrium, and what the count of modes says."""
+def _missing_attributes(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> dict[str, Any]:
+    """Attributes that say what is missing: speeds without equilibrium, and doubts from the count of modes."""
     missing = [
-        missing_speeds.told(float(diagram.speeds[index]), reason)
+        missing_speeds.entry(float(diagram.speeds[index]), reason)
         for index, reason in diagram.missing.items()
         if diagram.speeds[index] in speeds
     ]
@@ -96,9 +93,9 @@ def _told(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> 
     if doubts := [one for one in critical.undecided if one.matters]:
         reason = UNDECIDED
         advice = "; ".join([str(doubts[0]), *([advice] if advice else [])])
-    elif reason == missing_speeds.FINISHED and critical.undecided:
+    elif reason == missing_speeds.ALL_COMPUTED and critical.undecided:
         reason, advice = missing_speeds.SOME_MISSING, "; ".join(map(str, critical.undecided))
-    elif reason == missing_speeds.FINISHED and not critical.found:
+    elif reason == missing_speeds.ALL_COMPUTED and not critical.found:
         reason, advice = NO_CRITICAL, "widen criticals.speed_range or raise criticals.max_damping_ratio"
     counts = critical.counts[critical.counts >= 0].tolist()
     return {
@@ -145,7 +142,7 @@ def _comparison(
 def _equilibrium(
     machine: Machine, parameters: Array, diagram: CampbellDiagram, speed: float, guess: Array | None
 ) -> Array | None:
-    """The equilibrium at a speed; it is not sought where the diagram has none on either side."""
+    """The equilibrium at a speed; it is not searched where the diagram has none on either side."""
     above = int(np.searchsorted(diagram.speeds, speed))
     if all(state is None for state in diagram.states[max(0, above - 1) : above + 1]):
         return None
@@ -154,8 +151,9 @@ def _equilibrium(
 
 
 def _unbalance(machine: Machine, case: Case) -> dict[int, complex]:
-    """Unbalance [kg m] of ``UNBALANCE_ECCENTRICITY``, shared in phase by the discs or, without any, the
-    bearings.
+    """Unbalance [kg m] of ``UNBALANCE_ECCENTRICITY``, shared in phase by the discs.
+
+    Without any disc by the bearings.
     """
     nodes = [disc.node for disc in case.rotor.discs] or [bearing.node for bearing in case.bearings]
     mass = float(machine.rotor.mass[0::4, 0::4].sum())
@@ -178,7 +176,7 @@ def _campbell_arrays(diagram: CampbellDiagram) -> dict[str, Any]:
 
 
 def _direction_flags(directions: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Stored flag of +1 forward, -1 backward, 0 planar."""
+    """Stored flags of +1 forward, -1 backward, 0 planar."""
     flag = KINDS["criticals"].array("direction").flag
     table = {1: flag("forward"), -1: flag("backward"), 0: flag("mixed")}
     return np.vectorize(table.__getitem__, otypes=[np.int8])(directions)
@@ -246,11 +244,11 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
         summary["without equilibrium"] = without
     reason = attributes["stop_reason"]
     advice, caution = attributes["stop_advice"], attributes.get("caution", "")
-    return StageResult(case_id, reason in WELL, reason, advice, summary, caution=caution)
+    return StageResult(case_id, reason in SUCCESSFUL, reason, advice, summary, caution=caution)
 
 
 def _without_equilibrium(attributes: Mapping[str, Any]) -> str:
-    """The speeds of the range that have none, or the stretches between these; empty without any."""
+    """Speeds of the range without equilibrium, or the intervals between them; empty without any."""
     if missing := attributes[missing_speeds.ATTRIBUTE]:
         return missing_speeds.named(missing)
     gaps = [one for one in attributes["undecided_stretches"] if one["reason"] == NO_EQUILIBRIUM]

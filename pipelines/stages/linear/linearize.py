@@ -1,6 +1,4 @@
-"""`agfb linearize`: equilibria along the speed, bearing coefficients, leading eigenvalues, the instability
-speed.
-"""
+"""`agfb linearize`: equilibria along the speed, bearing coefficients, eigenvalues, instability speed."""
 
 from __future__ import annotations
 
@@ -12,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
-from pipelines.datasets.store import open_for_writing
+from pipelines.datasets.store import case_group, open_for_writing
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, Equilibrium, at_rest, equilibrium_along
@@ -32,18 +31,16 @@ from pipelines.orbits.equilibria.linear import (
 from pipelines.stages.linear import missing_speeds
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
-Array = NDArray[np.float64]
-
 HIDDEN = "the instability lies at speeds without equilibrium"
 
 
 def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill the group ``linear`` of a case, speed by speed from the lowest; resumes behind the last speed."""
+    """Fill the group ``linear`` of a case, speed by speed from the lowest; resumes after the last speed."""
     store = open_for_writing(store_path)
     machine, parameters = build_machine(case.case), reference_parameters(case.case)
     table = case.case.linearize
     speeds = np.linspace(*table.speed_range, table.points)
-    group = f"cases/{case.case_id}/linear"
+    group = case_group(case.case_id, "linear")
     with open_branch(
         store, group, "linear", _sizes(machine, case.case), {"whirl_ratio": np.array(table.whirl_ratios)},
         {"request": table.model_dump(mode="json")},
@@ -72,9 +69,7 @@ def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
 
 
 def reference_parameters(case: Case) -> Array:
-    """The case's parameters, with the ring undeformed if the linearisation is to be that of the passive
-    machine.
-    """
+    """The case's parameters; with undeformed rings if the passive machine is to be linearised."""
     parameters = parameter_vector(case)
     if case.linearize.ring == "undeformed":
         parameters[film.DISPLACEMENT] = 0.0
@@ -84,7 +79,7 @@ def reference_parameters(case: Case) -> Array:
 def _missing(
     machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]], known: Mapping[int, str]
 ) -> list[str]:
-    """What is told of the speeds without equilibrium; the reasons that are not ``known`` are found again."""
+    """The report on speeds without equilibrium; reasons that are not ``known`` are recomputed."""
     speeds, states = rows["speed"], rows["state"]
     missing = []
     for index in np.flatnonzero(~np.isfinite(states).all(axis=1)):
@@ -92,19 +87,19 @@ def _missing(
         if reason is None:
             guess = states[index - 1] if index > 0 and np.isfinite(states[index - 1]).all() else None
             reason = equilibrium_along(machine, parameters, speeds, int(index), guess).reason
-        missing.append(missing_speeds.told(float(speeds[index]), reason))
+        missing.append(missing_speeds.entry(float(speeds[index]), reason))
     return missing
 
 
 def _finish(branch: BranchWriter, missing: list[str], instability: dict[str, Any]) -> None:
-    """Say how the range came out."""
+    """Store how the range ended."""
     reason = missing_speeds.ending(missing, branch.n_points)
     advice = missing_speeds.advice(missing, branch.n_points)
     hidden = instability.get("instability_between")
     if hidden is not None and reason == missing_speeds.SOME_MISSING:
         reason, advice = HIDDEN, f"it begins between the speeds {hidden[0]:.4g} and {hidden[1]:.4g}; {advice}"
-    told = {missing_speeds.ATTRIBUTE: missing} if missing else {}
-    branch.finish(reason, advice, **({"instability_speed": None} | instability | told))
+    attribute = {missing_speeds.ATTRIBUTE: missing} if missing else {}
+    branch.finish(reason, advice, **({"instability_speed": None} | instability | attribute))
 
 
 def _sizes(machine: Machine, case: Case) -> dict[str, int]:
@@ -122,7 +117,7 @@ def _sizes(machine: Machine, case: Case) -> dict[str, int]:
 
 
 def _last_state(branch: BranchWriter) -> Array | None:
-    """The equilibrium at the speed before, from which the next one is sought."""
+    """The equilibrium at the previous speed, from which the next one is searched."""
     newest = branch.resume_row()
     if newest is None or not np.all(np.isfinite(newest.row["state"])):
         return None
@@ -130,7 +125,7 @@ def _last_state(branch: BranchWriter) -> Array | None:
 
 
 def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibrium) -> dict[str, Any]:
-    """One row of the group; a speed without equilibrium keeps its residual and is otherwise not a number."""
+    """One row of the group; a speed without equilibrium stores its residual and NaN otherwise."""
     table, bearings = case.linearize, len(machine.bearings)
     coefficients = np.full((len(table.whirl_ratios), bearings, 2, 2), complex(np.nan, np.nan))
     row: dict[str, Any] = {
@@ -166,8 +161,10 @@ def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibri
 
 
 def _instability(machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Attributes of the lowest Hopf point between two neighbouring speeds; None where the range has none, or
-    where it lies beside a speed without equilibrium: then ``instability_between`` tells the speeds.
+    """Attributes of the lowest Hopf point between two neighbouring speeds; None if there is none.
+
+    None also where it lies beside a speed without equilibrium: then ``instability_between`` gives the
+    speeds.
     """
     growth, speeds = leading_growth(rows["eigenvalues"]), rows["speed"]
     known = np.flatnonzero(np.isfinite(growth))
@@ -201,7 +198,7 @@ def leading_growth(eigenvalues: NDArray[np.complex128]) -> Array:
 def hopf_between(
     machine: Machine, parameters: Array, low: float, high: float, guess: Array
 ) -> Instability | None:
-    """The Hopf point between two speeds at which the equilibrium exists; None if no pair crosses."""
+    """The Hopf point between two speeds with an equilibrium; None if no pair crosses."""
     lower = linear_point(machine, at_speed(parameters, low), 4, np.ascontiguousarray(guess))
     upper = linear_point(machine, at_speed(parameters, high), 4, np.ascontiguousarray(guess))
     if isinstance(lower, Equilibrium) or isinstance(upper, Equilibrium):
@@ -222,5 +219,5 @@ def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
     missing = attributes.get(missing_speeds.ATTRIBUTE, [])
     if missing:
         summary["without equilibrium"] = missing_speeds.named(missing)
-    ok = attributes["stop_reason"] in missing_speeds.WELL
+    ok = attributes["stop_reason"] in missing_speeds.SUCCESSFUL
     return StageResult(case_id, ok, attributes["stop_reason"], attributes["stop_advice"], summary)

@@ -1,4 +1,4 @@
-"""Speeds of a range that have no equilibrium: what a stage that goes over the range tells of them."""
+"""Speeds of a range without equilibrium: how the stages over this range report them."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ LARGEST_SHARE = 0.1
 NAMED = 6  # speeds that a message names
 
 ATTRIBUTE = "speeds_without_equilibrium"
-FINISHED = "all speeds are computed"
+ALL_COMPUTED = "all speeds are computed"
 SOME_MISSING = "some speeds have no equilibrium"
 MANY_MISSING = "too many speeds have no equilibrium"
 NO_EQUILIBRIUM = "no speed of the range has an equilibrium"
-WELL = frozenset({FINISHED, SOME_MISSING})
+SUCCESSFUL = frozenset({ALL_COMPUTED, SOME_MISSING})
 
 
-def told(speed: float, reason: str) -> str:
-    """What is stored of a speed without equilibrium."""
+def entry(speed: float, reason: str) -> str:
+    """The stored data of a speed without equilibrium."""
     return f"speed {speed:.4g}: {reason}"
 
 
 def ending(missing: Sequence[str], total: int) -> str:
-    """Why a stage ends that found no equilibrium at some of its speeds, each as ``told``."""
+    """Why a stage ends that found no equilibrium at some speeds, each an ``entry``."""
     if not missing:
-        return FINISHED
+        return ALL_COMPUTED
     if len(missing) == total:
         return NO_EQUILIBRIUM
     return SOME_MISSING if len(missing) <= LARGEST_SHARE * total else MANY_MISSING
@@ -38,7 +38,7 @@ def named(missing: Sequence[str]) -> str:
 
 
 def advice(missing: Sequence[str], total: int) -> str:
-    """Which speeds these are, and the reason at the highest."""
+    """The speeds, and the reason at the highest."""
     if not missing:
         return ""
     return f"{len(missing)} of {total} speeds have none: {named(missing)}; at {missing[-1]}"

@@ -1,7 +1,7 @@
-"""Bifurcations on finer grids.
+"""Recompute bifurcations on finer grids.
 
 - refine: the stage
-- points: which bifurcations are worth it
+- points: the bifurcation points to recompute
 - levels: one point on a family of grids
 - extrapolation: Richardson extrapolation and observed order
 """

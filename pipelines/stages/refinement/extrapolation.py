@@ -1,4 +1,4 @@
-"""What three grids tell of the exact value: observed order and extrapolation (Richardson).
+"""Estimate of the exact value from three grids: observed order and extrapolation (Richardson).
 
 With spacings h_0 > h_1 > h_2 and a scheme of formal order q,
 
@@ -15,10 +15,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-Array = NDArray[np.float64]
+from pipelines.case.arrays import Array
 
 _ORDERS = (1e-3, 16.0)  # between which the observed order is looked for
 _CLEAN = (0.5, 3.0)  # observed order / formal order that counts as convergence of that order
@@ -26,8 +25,11 @@ _CLEAN = (0.5, 3.0)  # observed order / formal order that counts as convergence 
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """``order``: observed, NaN where the values do not converge monotonically; ``value``: extrapolated, with
-    its uncertainty ``error``; ``clean``: whether the order is near enough to the formal one to rely on.
+    """The result of an extrapolation.
+
+    ``order``: observed, NaN where the values do not converge monotonically; ``value``: extrapolated,
+    with its uncertainty ``error``; ``clean``: whether the order is near enough to the formal one to rely
+    on.
     """
 
     order: float
@@ -53,7 +55,7 @@ def extrapolate(spacings: Array, values: Array, formal_order: int) -> Extrapolat
 
 
 def observed_order(spacings: Array, values: Array) -> float:
-    """The p of this module's head; NaN where no order fits."""
+    """The order p of this module's docstring; NaN if no order fits."""
     before, after = values[0] - values[1], values[1] - values[2]
     if after == 0.0 or not math.isfinite(before / after):
         return math.nan

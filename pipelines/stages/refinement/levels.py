@@ -1,4 +1,4 @@
-"""The family of grids on which bifurcation points are recomputed, and one point on all of them.
+"""The family of grids for recomputing bifurcation points, and one point on all of them.
 
 Level 0 is the stored grid with twice the time steps, levels 1 and 2 are finer around the bearing.  With
 Chebyshev collocation, whose error along the axis is spectral and so of no order, these keep the axial
@@ -19,6 +19,7 @@ from pipelines.bifurcations.curve import CurveStart
 from pipelines.bifurcations.curves.fixed_parameter import FixedParameterPoint, locate_at_fixed_parameter
 from pipelines.bifurcations.plane import CurveProblem, metric_of
 from pipelines.bifurcations.switching import with_multiplied_period
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.scales import PARAMETERS
 from pipelines.machine.assembly import Machine, build_machine
@@ -27,8 +28,6 @@ from pipelines.orbits.shooting import CycleProblem
 from pipelines.stages.cycles.problem import cycle_problem
 from pipelines.stages.refinement.extrapolation import Extrapolation, extrapolate
 from pipelines.stages.refinement.points import StoredPoint
-
-Array = NDArray[np.float64]
 
 FORMAL_ORDERS = {"central": 2, "backward": 1}
 MORE_AXIAL = 2
@@ -60,7 +59,7 @@ def grid_family(case: Case) -> tuple[Grid, ...]:
 
 @dataclass(frozen=True)
 class Level:
-    """The machine and its cycles on one grid; both None where the grid is too large to be computed."""
+    """The machine and its cycles on one grid; both None if the grid is too large to compute."""
 
     grid: Grid
     machine: Machine | None
@@ -77,8 +76,9 @@ def build_level(case: Case, grid: Grid) -> Level:
 
 
 def case_on(case: Case, grid: Grid) -> Case | None:
-    """The case on another grid, its time steps chosen with the tighter tolerance; None for a grid that no
-    configuration may have.
+    """The case on another grid, with the tighter tolerance of time steps.
+
+    None for a grid that no configuration may have.
     """
     numerics, plain = case.numerics, case.model_dump(mode="json")
     steps = numerics.steps_per_period
@@ -96,8 +96,10 @@ def case_on(case: Case, grid: Grid) -> Case | None:
 
 @dataclass(frozen=True)
 class Refinement:
-    """A stored point on all grids: ``values``, ``angles`` and ``steps`` (levels,), NaN or -1 where missing;
-    ``status`` as in the flag of the group; ``failed_level``: -1 when none failed; ``reason``: in words.
+    """A stored point on all grids.
+
+    ``values``, ``angles`` and ``steps`` (levels,), NaN or -1 where missing; ``status`` as in the flag of
+    the group; ``failed_level``: -1 when none failed; ``reason``: in words.
     """
 
     values: Array
@@ -129,7 +131,7 @@ def refine_point(source: Machine, levels: Sequence[Level], point: StoredPoint) -
 
 
 def _moved(point: StoredPoint, found: FixedParameterPoint) -> StoredPoint:
-    """The stored point with what a grid told of it: the guess for the next one."""
+    """The stored point with values from a grid: the guess on the next grid."""
     parameters = point.parameters.copy()
     parameters[PARAMETERS.index(point.free)] = found.parameters[1]
     angle = None if point.angle is None else found.angle
@@ -145,7 +147,7 @@ class _Failure:
 def _on_level(
     near: Machine, point: StoredPoint, level: Level, steps: int | None
 ) -> FixedParameterPoint | _Failure:
-    """The point on one grid, sought from the machine ``near`` on which its state is known."""
+    """The point on one grid, searched from the machine ``near`` on which its state is known."""
     if level.machine is None or level.problem is None:
         return _Failure(GRID_TOO_LARGE, f"{level.grid.circumferential} x {level.grid.axial} is too large")
     names = (point.held, point.free)
@@ -178,7 +180,7 @@ class ErrorEstimate:
 def estimate(
     stored: float, grids: Sequence[Grid], refinement: Refinement, formal_order: int
 ) -> ErrorEstimate:
-    """What the values of all grids tell of the ``stored`` one."""
+    """The error estimate of the ``stored`` value from the values on all grids."""
     values = refinement.values
     step_error = abs(stored - float(values[0]))
     if refinement.status != REFINED:

@@ -1,4 +1,4 @@
-"""The bifurcation points of a case that are worth recomputing: events of branches, points along curves."""
+"""The bifurcation points of a case to recompute: events of branches, points along curves."""
 
 from __future__ import annotations
 
@@ -7,17 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipelines.bifurcations.detection import EventKind
+from pipelines.case.arrays import Array
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, local_name
 from pipelines.stages.parameter_columns import stored_parameters
-
-Array = NDArray[np.float64]
 
 # Folder and first letter of the groups, in the order of the flag ``source``.
 SOURCES = ("cycles/b", "cycles/d", "pd/c", "ns/c", "folds/c")
@@ -30,7 +28,7 @@ VERTICAL = 0.2  # change of the first parameter / that of the second, both over 
 
 @dataclass(frozen=True)
 class StoredPoint:
-    """A stored bifurcation: where it is in the store and what is known of it.
+    """A stored bifurcation: its place in the store and its data.
 
     ``parameters`` (4,) in the order of PARAMETERS, ``state`` (N,), ``steps`` per period; ``angle`` is None
     unless the critical multipliers are a complex pair; ``held`` and ``free``: names of the parameter that all
@@ -52,7 +50,7 @@ class StoredPoint:
 
     @property
     def key(self) -> tuple[int, int, int]:
-        """Where it is in the store."""
+        """Its place in the store."""
         return self.source, self.number, self.index
 
     @property
@@ -61,7 +59,7 @@ class StoredPoint:
         return float(self.parameters[PARAMETERS.index(self.free)])
 
     def coincides(self, other: StoredPoint) -> bool:
-        """Whether both are the same bifurcation, found twice."""
+        """Whether two points are one bifurcation, found twice."""
         return (
             self.kind is other.kind
             and self.turns == other.turns
@@ -73,7 +71,7 @@ class StoredPoint:
 
 
 def stored_points(store: Store, case_id: str, per_curve: int) -> list[StoredPoint]:
-    """The points of a case to recompute, every bifurcation once; the same list for the same store."""
+    """The points of a case to recompute, every bifurcation once; equal stores give equal lists."""
     chosen: list[StoredPoint] = []
     for group in _groups(store, case_id):
         found = _events(group) if group.kind == "cycles" else _curve_points(group, per_curve)
@@ -84,20 +82,19 @@ def stored_points(store: Store, case_id: str, per_curve: int) -> list[StoredPoin
 
 
 def _groups(store: Store, case_id: str) -> list[Group]:
-    """Branches and curves in the order of ``SOURCES``, first halves of curves before the second ones."""
-    prefix = f"cases/{case_id}/"
-    names = [name for name in list_groups(store, case_id) if _source(name.removeprefix(prefix)) is not None]
-    groups = [read_group(store, name, _arrays(name.split("/")[2])) for name in names]
+    """Branches and curves in the order of ``SOURCES``, first halves of curves before second halves."""
+    names = [name for name in list_groups(store, case_id) if _source(local_name(name)) is not None]
+    groups = [read_group(store, name, _arrays(local_name(name).split("/")[0])) for name in names]
 
     def place(group: Group) -> tuple[int, int, str]:
-        source = _source(group.name.removeprefix(prefix))
+        source = _source(local_name(group.name))
         return source or 0, int(group.attributes.get("half") or 0), group.name
 
     return sorted(groups, key=place)
 
 
 def _arrays(folder: str) -> tuple[str, ...]:
-    """What is read of a group: not its orbits and films."""
+    """The needed arrays of a group: not its orbits and films."""
     if folder == "cycles":
         events = ("kind", "after_point", "period", "state", "angle", "residual", *PARAMETERS)
         return ("steps_per_period", *(f"event_{name}" for name in events))
@@ -110,7 +107,7 @@ def _source(name: str) -> int | None:
 
 
 def _place(group: Group) -> tuple[int, int]:
-    name = group.name.split("/", 2)[2]
+    name = local_name(group.name)
     source = _source(name)
     assert source is not None
     return source, int(name.removeprefix(SOURCES[source]))
@@ -141,8 +138,9 @@ def _events(group: Group) -> Iterator[StoredPoint]:
 
 
 def _curve_points(group: Group, per_curve: int) -> Iterator[StoredPoint]:
-    """The first point of a curve and ``per_curve`` more, evenly spread over its length without its end, which
-    may be a point of codimension two.
+    """The first point of a curve and ``per_curve`` more, evenly spread over its length.
+
+    Without its end, which may be a point of codimension two.
     """
     if group.n_points == 0:
         return
@@ -164,7 +162,7 @@ def _curve_points(group: Group, per_curve: int) -> Iterator[StoredPoint]:
 
 
 def _is_vertical(tangent: Array, ranges: list[list[float]]) -> bool:
-    """Whether a curve runs along its second parameter: then that one tells points of the curve apart."""
+    """Whether a curve runs along its second parameter, which then distinguishes points of the curve."""
     first, second = (abs(t) / (high - low) for t, (low, high) in zip(tangent, ranges, strict=True))
     return bool(first < VERTICAL * second)
 

@@ -1,4 +1,4 @@
-"""`--refine`: how wrong the located bifurcations are, told by the same points on finer grids.
+"""`--refine`: errors of located bifurcations, estimated by recomputing them on finer grids.
 
 Every chosen point becomes one row of the group ``refinement``, committed as soon as it is computed. A row
 depends on the stored point alone, so that an interrupted refinement goes on with the same bytes.
@@ -18,7 +18,7 @@ from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_writing
+from pipelines.datasets.store import Store, case_group, open_for_writing
 from pipelines.machine.assembly import build_machine
 from pipelines.stages.parameter_columns import parameter_columns
 from pipelines.stages.refinement.levels import (
@@ -36,15 +36,16 @@ from pipelines.stages.refinement.levels import (
 from pipelines.stages.refinement.points import StoredPoint, stored_points
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
-FINISHED = "all points are recomputed"
+ALL_RECOMPUTED = "all points are recomputed"
 NOTHING = "no bifurcation is stored"
 
 
 def refine(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill the group ``refinement`` of a case: one row per bifurcation point; points that have a row are left
-    alone.
+    """Fill the group ``refinement`` of a case with one row per bifurcation point.
+
+    Points that already have a row are left alone.
     """
-    store, group = open_for_writing(store_path), f"cases/{case.case_id}/refinement"
+    store, group = open_for_writing(store_path), case_group(case.case_id, "refinement")
     points = stored_points(store, case.case_id, case.case.refine.points_per_curve)
     known = _known(store, group)
     waiting = [point for point in points if point.key not in known]
@@ -58,7 +59,7 @@ def refine(case: NamedCase, store_path: Path, report: Report, should_stop: Shoul
 
 
 def _known(store: Store, group: str) -> set[tuple[int, int, int]]:
-    """Keys of the points that have a row."""
+    """Keys of the points that already have a row."""
     if not store.has_group(group):
         return set()
     rows = read_group(store, group, ("source", "source_number", "source_index"))
@@ -81,7 +82,7 @@ def _open(store: Store, group: str, case: Case, capacity: int) -> BranchWriter:
 
 
 def _unknowns(case: Case, grid: Grid) -> int:
-    """N on a grid, as the kernels count it."""
+    """Number of unknowns N on a grid, as the kernels count it."""
     periodic = [bearing.film == "periodic" for bearing in case.bearings]
     nodes = sum(grid.circumferential - (0 if whole else 1) for whole in periodic)
     return nodes * (grid.axial + 1) + 2 * case.rotor.condensed_freedoms
@@ -102,7 +103,7 @@ def _fill(
         branch.commit(_row(case.case, point, found, known))
         message = _message(point, found, known)
         report(Progress("refine", case.case_id, branch.n_points, total, message))
-    branch.finish(FINISHED)
+    branch.finish(ALL_RECOMPUTED)
 
 
 def _row(case: Case, point: StoredPoint, found: Refinement, known: ErrorEstimate) -> dict[str, Any]:
@@ -150,5 +151,5 @@ def _result(case_id: str, group: Group) -> StageResult:
         summary[label.replace("_", " ")] = int(np.sum(labels == label))
     if np.any(np.isfinite(errors)):
         summary["largest error"] = float(f"{np.nanmax(errors):.3g}")
-    reason = FINISHED if ended else "stopped on request"
+    reason = ALL_RECOMPUTED if ended else "stopped on request"
     return StageResult(case_id, True, reason, "", summary)

@@ -16,9 +16,8 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.datasets.curves import BifurcationCurve
-
-Array = NDArray[np.float64]
 
 CRITICAL_MULTIPLIERS = {"period_doubling": 1, "neimark_sacker": 2, "fold": 1}
 NO_BIFURCATION = "none"
@@ -46,7 +45,7 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Boundary:
-    """What ends the bifurcation-free speed range at one value of the other parameter.
+    """The end of the bifurcation-free speed range at one value of the other parameter.
 
     ``speed`` is that of the bifurcation; the highest of the plane where none is met, the lowest where the
     cycle is unstable there.  ``base``: "stable" or "unstable" at the lowest speed, "unset" where no stored
@@ -69,7 +68,7 @@ class Boundary:
 
     @property
     def identity(self) -> tuple[str, int, int]:
-        """Equal for neighbours on the same part of the boundary."""
+        """Equal for neighbours on one part of the boundary."""
         return self.base, self.curve, self.strand
 
 
@@ -131,7 +130,7 @@ class SpeedPlane:
         )
 
     def unstable_at_lowest(self, abscissa: float) -> int | None:
-        """Unstable multipliers of the base cycle at the lowest speed, carried there from a stored cycle.
+        """Unstable multipliers of the base cycle at the lowest speed, inferred from a stored cycle.
 
         The path leads along the cycle's speed to the abscissa, then down; None where no path is consistent
         with the curves.
@@ -150,7 +149,7 @@ class SpeedPlane:
         return None
 
     def _carried(self, count: int, crossings: Sequence[Crossing]) -> int | None:
-        """Unstable multipliers behind a sequence of crossings; None where the numbers do not fit."""
+        """Unstable multipliers after a sequence of crossings; None if the numbers do not match."""
         for crossing in crossings:
             critical = CRITICAL_MULTIPLIERS[self.curves[crossing.curve].bifurcation]
             within = crossing.unstable
@@ -160,8 +159,9 @@ class SpeedPlane:
         return count
 
     def marked_abscissae(self, *speeds: float) -> Array:
-        """Abscissae where the boundary may turn, end or cross one of the speeds, with neighbours on both
-        sides.
+        """Abscissae where the boundary may turn, end or cross one of the speeds, and neighbours.
+
+        Neighbours lie on both sides.
         """
         low, high = self.abscissae
         found: list[float] = []
@@ -192,8 +192,10 @@ def lower_envelope(plane: SpeedPlane, grid: int = GRID, speeds: Sequence[float] 
 
 
 def _without_slivers(envelope: Sequence[Boundary], width: float) -> list[Boundary]:
-    """The boundaries of all parts wide enough: curves that meet in one point are stored with a gap there, the
-    wider the coarser their time steps.  A low part is kept however narrow it is.
+    """The boundaries of all parts that are wide enough.
+
+    Curves that meet in one point are stored with a gap there, the wider the coarser their time steps.  A
+    low part is kept however narrow it is.
     """
     parts = [list(part) for _, part in groupby(envelope, key=lambda boundary: boundary.identity)]
     kept = []

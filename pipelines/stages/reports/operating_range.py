@@ -17,15 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.datasets.branch import write_group
-from pipelines.datasets.curves import CONTAINERS, BifurcationCurve, read_curve
+from pipelines.datasets.curves import CURVE_CONTAINERS, BifurcationCurve, read_curve
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, open_for_writing
+from pipelines.datasets.store import Store, case_group, local_name, open_for_writing
 from pipelines.stages.reports.first_boundary import UNSET, Boundary, SpeedPlane, lower_envelope
-
-Array = NDArray[np.float64]
 
 GROUP = "operating_range"
 SPEED, FREQUENCY = "speed", "excitation_frequency"
@@ -35,12 +34,12 @@ ABOVE = 0.02  # of the height: an end this far above the first boundary may stil
 
 
 class NoSetError(Exception):
-    """A case has nothing that an operating range could be told from."""
+    """A case has no stored data from which an operating range follows."""
 
 
 @dataclass(frozen=True)
 class LooseEnd:
-    """Where a curve stopped that goes on: name of its group, reason, place."""
+    """Where an unfinished curve stopped: name of its group, reason, position."""
 
     curve: str
     reason: str
@@ -50,7 +49,7 @@ class LooseEnd:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Neighbouring abscissae bounded by the same part of one curve, or by nothing."""
+    """Neighbouring abscissae bounded by one part of one curve, or by nothing."""
 
     first: Boundary
     last: Boundary
@@ -62,8 +61,9 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Best:
-    """The largest bifurcation-free speed, and the interval of abscissae around it that is as good: open like
-    it, or else above the instability speed of the passive machine.
+    """The largest bifurcation-free speed, and the interval of equally good abscissae around it.
+
+    Equally good: as open as the best one, or else above the instability speed of the passive machine.
     """
 
     boundary: Boundary
@@ -72,7 +72,7 @@ class Best:
 
 @dataclass(frozen=True)
 class OperatingRange:
-    """The first boundary over the abscissa (``parameter``), and what follows from it.
+    """The first boundary over the abscissa (``parameter``), and the conclusions from it.
 
     ``curves``: names that ``Boundary.curve`` counts; ``caution``: for every boundary whether an incomplete
     curve ends near it.  Speeds are dimensionless; None where not known.
@@ -137,14 +137,14 @@ class OperatingRange:
             "curves": list(self.curves),
             "passive_instability_speed": self.passive,
             "passive_gain": self.passive_gain,
-            "reference": None if self.reference is None else self.told(self.reference),
+            "reference": None if self.reference is None else self.boundary_data(self.reference),
             "reference_gain": self.reference_gain,
-            "best": None if self.best is None else self.told(self.best.boundary),
+            "best": None if self.best is None else self.boundary_data(self.best.boundary),
             "best_interval": None if self.best is None else list(self.best.interval),
             "cautions": list(self.cautions),
         }
 
-    def told(self, boundary: Boundary) -> dict[str, Any]:
+    def boundary_data(self, boundary: Boundary) -> dict[str, Any]:
         """One boundary as plain data; ``open``: the speed is a lower bound."""
         return {
             self.parameter: boundary.abscissa,
@@ -168,8 +168,10 @@ def _stretch(part: Sequence[tuple[Boundary, bool]]) -> Stretch:
 
 @dataclass(frozen=True)
 class StoredPlane:
-    """The curves of a case over the speed and another ``parameter``, the instability speed of the machine
-    without displacement of its rings (None where not known) and what the search of the plane left open.
+    """The curves of a case over the speed and another ``parameter``.
+
+    Also the instability speed of the machine without displacement of its rings (None where not known)
+    and what the search of the plane left open.
     """
 
     plane: SpeedPlane
@@ -188,16 +190,18 @@ def operating_range(store: Store, case: str) -> OperatingRange:
 
 
 def stored_plane(store: Store, case: str) -> StoredPlane:
-    """What the store has of a case over the speed.
+    """The stored data of a case over the speed.
 
     Raises NoSetError where the case has neither curves nor a set over the speed, StoreError for damaged
     groups.
     """
-    groups = {name.split("/", 2)[2]: name for name in list_groups(store, case)}
+    groups = {local_name(name): name for name in list_groups(store, case)}
     searched = (
         read_group(store, groups["bifurcation_set"], ()).attributes if "bifurcation_set" in groups else {}
     )
-    read = [read_group(store, path) for name, path in groups.items() if name.split("/")[0] in CONTAINERS]
+    read = [
+        read_group(store, path) for name, path in groups.items() if name.split("/")[0] in CURVE_CONTAINERS
+    ]
     parameters, ranges = _plane(searched, read)
     speed_axis = parameters.index(SPEED)
     curves = _curves(read, parameters)
@@ -227,7 +231,7 @@ def _plane(
 def _curves(read: Sequence[Group], parameters: Sequence[str]) -> tuple[BifurcationCurve, ...]:
     """The curves of the plane for cycles of the excitation period."""
     curves = [
-        read_curve(group.name.split("/", 2)[2], group.labelled(), group.attributes)
+        read_curve(local_name(group.name), group.labelled(), group.attributes)
         for group in read
         if list(group.attributes["parameters"]) == list(parameters)
     ]
@@ -235,7 +239,7 @@ def _curves(read: Sequence[Group], parameters: Sequence[str]) -> tuple[Bifurcati
 
 
 def _samples(store: Store, groups: dict[str, str], abscissa: str) -> tuple[Array, NDArray[np.int64]]:
-    """Places (n, 2) of the stored cycles of the excitation period and their unstable multipliers (n,)."""
+    """Parameters (n, 2) of the stored cycles of the excitation period and their unstable multipliers (n,)."""
     places, unstable = [np.zeros((0, 2))], [np.zeros(0, dtype=np.int64)]
     for name, path in groups.items():
         if not name.startswith("cycles/"):
@@ -249,18 +253,20 @@ def _samples(store: Store, groups: dict[str, str], abscissa: str) -> tuple[Array
 
 
 def set_cautions(searched: dict[str, Any] | Any) -> list[str]:
-    """What to bear in mind of a plane, from the attributes of its search (none where none was made)."""
+    """Cautions about a plane, from the attributes of its search (none without a search)."""
     if not searched:
         return ["the plane was not searched: bifurcations off the tracked curves are not known"]
-    told = [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
+    cautions = (
+        [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
+    )
     if "fold" not in searched.get("kinds", ("fold",)):
-        told.append("folds were not followed (bifurcation_set.kinds): stability may be lost by one before")
+        cautions.append("folds were not traced (bifurcation_set.kinds): stability may end earlier at a fold")
     if searched.get("boundaries", False):
-        told.append(
-            "only curves were followed that bound stable cycles where a branch or a curve meets them "
-            "(bifurcation_set.boundaries): others may do so elsewhere"
+        cautions.append(
+            "only curves that bound stable cycles where a branch or a curve meets them were traced "
+            "(bifurcation_set.boundaries): the others may bound stable cycles elsewhere"
         )
-    return told
+    return cautions
 
 
 def range_over(
@@ -273,14 +279,16 @@ def range_over(
     boundaries = lower_envelope(plane, speeds=() if passive is None else (passive,))
     near = [_near(plane, boundaries, end) for end in loose_ends(plane)]
     caution = np.any(near, axis=0) if near else np.zeros(len(boundaries), dtype=bool)
-    told = [
+    further = [
         f"{end.curve} stopped ({end.reason.replace('_', ' ')}) at {parameter.replace('_', ' ')} "
         f"{end.abscissa:.4g}, speed {end.speed:.4g}, near the first boundary"
         for end, concerned in zip(loose_ends(plane), near, strict=True)
         if concerned.any()
     ]
     if any(boundary.base == UNSET for boundary in boundaries):
-        told.append("no stored cycle tells everywhere whether the lowest speed is stable: taken as stable")
+        further.append(
+            "the stability at the lowest speed is not known everywhere from stored cycles: assumed stable"
+        )
     return OperatingRange(
         parameter,
         plane.abscissae,
@@ -291,18 +299,18 @@ def range_over(
         passive,
         _reference(plane) if parameter == FREQUENCY else None,
         best_of(boundaries, passive),
-        (*cautions, *told),
+        (*cautions, *further),
     )
 
 
 def _reference(plane: SpeedPlane) -> Boundary:
-    """The boundary at the paper's reference frequency, at the lowest of the plane where that is higher."""
+    """The boundary at the paper's reference frequency, or at the lowest of the plane if that is higher."""
     low, high = plane.abscissae
     return plane.boundary(REFERENCE_FREQUENCY if low <= REFERENCE_FREQUENCY <= high else low)
 
 
 def loose_ends(plane: SpeedPlane) -> list[LooseEnd]:
-    """Last points of the curves that go on but were not followed."""
+    """Last points of the curves that continue but were not traced."""
     ends = []
     for curve in plane.curves:
         if not curve.is_complete and curve.unstable[-1] <= 0:
@@ -321,8 +329,9 @@ def _near(plane: SpeedPlane, boundaries: Sequence[Boundary], end: LooseEnd) -> N
 
 
 def best_of(boundaries: Sequence[Boundary], passive: float | None) -> Best | None:
-    """The abscissa with the largest bifurcation-free speed, the middle of the widest interval where it is
-    open; None where every cycle is unstable at the lowest speed.
+    """The abscissa with the largest bifurcation-free speed; None if all are unstable at the lowest speed.
+
+    The middle of the widest interval where the speed is open.
     """
     usable = [number for number, boundary in enumerate(boundaries) if boundary.base != "unstable"]
     if not usable:
@@ -351,13 +360,13 @@ def _runs(chosen: Sequence[bool]) -> list[tuple[int, int]]:
 
 
 def write_operating_range(store: Store, case: str, found: OperatingRange) -> bool:
-    """Put the range into the group ``operating_range`` of its case, replacing an older one.
+    """Write the range into the group ``operating_range`` of its case, replacing an older one.
 
     Gives False where the store cannot be written.  Raises StoreError, and OSError for other reasons.
     """
     try:
         writable = open_for_writing(store.path, durable=store.durable)
-        write_group(writable, f"cases/{case}/{GROUP}", GROUP, found.arrays(), found.attributes())
+        write_group(writable, case_group(case, GROUP), GROUP, found.arrays(), found.attributes())
     except OSError as error:
         if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
             return False

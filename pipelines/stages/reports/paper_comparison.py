@@ -8,15 +8,13 @@ excitation frequency.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from pipelines.datasets.curves import BifurcationCurve
@@ -31,12 +29,16 @@ from pipelines.stages.reports.operating_range import (
     stored_plane,
 )
 
-Array = NDArray[np.float64]
+Finding = tuple[float | None, str]
+"""A number of ours, None where the plane has none, and a remark that says why or how."""
 
 PROMINENCE = 0.01  # in speed: lower maxima of the threshold are no anti-resonance
-GAP = 0.02  # of the plane's width: curves whose ends are nearer leave nothing open between them
+NARROW = 0.02  # of the plane's width: curves whose ends are nearer leave nothing open between them
 NOT_COMPLETE = "the search of the plane is not complete"
-SAME = 1e-6  # relative: parameters of a case that count as those of the paper
+OPEN_END = "at least: no Neimark-Sacker point up to the highest speed of the plane"
+NO_MAXIMUM = "the threshold has no maximum in the plane"
+AT_LOW_FREQUENCY = f"threshold at excitation frequency {REFERENCE_FREQUENCY:g}"
+AT_NEAREST_MAXIMUM = "threshold at the nearest maximum"
 RECONSTRUCTION = (
     "The paper prints no dimensions of its rotor and bearings. These are the numbers of a reconstruction, "
     "not of the authors' machine."
@@ -142,14 +144,6 @@ class PaperCase:
     reason: str = ""
 
 
-@dataclass(frozen=True)
-class Found:
-    """A number of ours, or why there is none; a remark may also stand beside a number."""
-
-    value: float | None
-    remark: str = ""
-
-
 def read_cases_of_paper(stores: Sequence[Store]) -> list[PaperCase]:
     """All cases of the stores that have a foil stiffness, by rising stiffness and displacement.
 
@@ -181,50 +175,48 @@ def _plane_of(store: Store, case: str) -> tuple[PaperPlane | None, str]:
 def compare_paper(cases: Sequence[PaperCase]) -> list[Row]:
     """Every printed number beside ours, and the period doublings of all cases."""
     rows: list[Row] = []
-    gains: list[Found] = []
     for printed in PRINTED:
-        case = _case_of(cases, printed.foil_stiffness, DISPLACEMENT)
-        threshold_rows, gain = _thresholds(printed, case)
-        rows += threshold_rows
-        gains.append(gain)
-    rows.append(_largest_gain(gains))
-    rows += _period_doubling_rows(PRINTED[0], _case_of(cases, PRINTED[0].foil_stiffness, DISPLACEMENT))
-    rows += _smallest_displacement(cases)
+        rows += _threshold_rows(printed, _case_of(cases, printed.foil_stiffness))
+    rows.append(_largest_gain(rows))
+    rows += _period_doubling_rows(PRINTED[0], _case_of(cases, PRINTED[0].foil_stiffness))
+    for printed in PRINTED:
+        rows += _smallest_displacement_rows(printed.foil_stiffness, cases)
     for case in cases:
-        rows += _counted(case, cases)
+        rows += _count_rows(case, cases)
     return rows
 
 
-def _case_of(cases: Sequence[PaperCase], stiffness: float, displacement: float) -> PaperCase:
+def _case_of(cases: Sequence[PaperCase], stiffness: float) -> PaperCase:
+    """The case of a stiffness at the largest displacement of the paper."""
     for case in cases:
-        same = math.isclose(case.foil_stiffness, stiffness, rel_tol=SAME)
-        if same and math.isclose(case.displacement, displacement, rel_tol=SAME):
+        if (case.foil_stiffness, case.displacement) == (stiffness, DISPLACEMENT):
             return case
-    return PaperCase(stiffness, displacement, None, "no such case in the stores")
+    return PaperCase(stiffness, DISPLACEMENT, None, "no such case in the stores")
 
 
-def _from(case: PaperCase, tell: Callable[[PaperPlane], Found]) -> Found:
-    """What a case tells, with what its search left open."""
-    if case.stored is None:
-        return Found(None, case.reason)
-    found = tell(case.stored)
-    return Found(found.value, _remark(found.remark, case.stored))
+def _row(
+    case: PaperCase, quantity: str, source: str, printed: float | None, find: Callable[[PaperPlane], Finding]
+) -> Row:
+    """A printed number beside what ``find`` finds in the plane of a case."""
+    value, remark = (None, case.reason) if case.stored is None else find(case.stored)
+    if case.stored is not None and case.stored.stored.cautions:
+        remark = _joined(remark, NOT_COMPLETE)
+    return Row(quantity, source, case.foil_stiffness, case.displacement, printed, value, remark)
 
 
-def _remark(told: str, stored: PaperPlane) -> str:
-    """A remark, and that of a plane that was not wholly searched."""
-    return "; ".join(filter(None, (told, NOT_COMPLETE if stored.stored.cautions else "")))
+def _joined(*remarks: str) -> str:
+    return "; ".join(filter(None, remarks))
 
 
-def threshold_at(stored: PaperPlane, frequency: float) -> Found:
+def threshold_at(stored: PaperPlane, frequency: float) -> Finding:
     """The threshold speed at an excitation frequency, or at the nearest end of the plane."""
     low, high = stored.plane.abscissae
     inside = min(max(frequency, low), high)
     moved = "" if inside == frequency else f"at {inside:.4g}, the end of the plane"
     boundary = stored.threshold.boundary(inside)
     if boundary.is_open:
-        return Found(None, f"no Neimark-Sacker point up to speed {boundary.speed:.4g}")
-    return Found(boundary.speed, moved)
+        return None, f"no Neimark-Sacker point up to speed {boundary.speed:.4g}"
+    return boundary.speed, moved
 
 
 def maxima(stored: PaperPlane) -> list[Boundary]:
@@ -239,124 +231,91 @@ def maxima(stored: PaperPlane) -> list[Boundary]:
     for is_open, run in groupby(range(len(heights)), lambda index: stored.envelope[index].is_open):
         places = list(run)
         first, middle, last = (stored.envelope[places[at]].abscissa for at in (0, len(places) // 2, -1))
-        narrow = last - first < GAP * (high - low)
+        narrow = last - first < NARROW * (high - low)
         if is_open and (narrow or not stored.plane.boundary(middle).is_open):
             heights[places] = stored.plane.speeds[0]
     peaks, _ = find_peaks(heights, prominence=PROMINENCE)
     return [stored.envelope[peak] for peak in peaks]
 
 
-def _thresholds(printed: Printed, case: PaperCase) -> tuple[list[Row], Found]:
-    """The rows of one stiffness that speak of thresholds, and its gain."""
-    near, best = _nearest_maximum(printed, case), _highest_maximum(case)
-    low = _from(case, lambda stored: threshold_at(stored, REFERENCE_FREQUENCY))
-    at_printed = _from(case, lambda stored: threshold_at(stored, printed.antiresonance))
-    frequency, threshold = near
-    gain = Found(None, low.remark or threshold.remark)
-    if low.value and threshold.value is not None:
-        gain = Found(threshold.value / low.value - 1.0)
-
-    def row(quantity: str, source: str, value: float, found: Found) -> Row:
-        return Row(quantity, source, printed.foil_stiffness, DISPLACEMENT, value, found.value, found.remark)
-
-    at = f"{printed.antiresonance:.2f}"
-    return [
-        row(f"threshold at excitation frequency {REFERENCE_FREQUENCY:g}", "low threshold",
-            printed.low_threshold, low),
-        row("anti-resonance: nearest maximum of the threshold", "anti-resonance",
-            printed.antiresonance, frequency),
-        row("anti-resonance: highest maximum of the threshold", "anti-resonance",
-            printed.antiresonance, best),
-        row("threshold at the nearest maximum", "threshold", printed.threshold, threshold),
-        row(f"threshold at excitation frequency {at}", "threshold", printed.threshold, at_printed),
-    ], gain  # fmt: skip
+def nearest_maximum(stored: PaperPlane, frequency: float) -> tuple[Finding, Finding]:
+    """Excitation frequency and threshold of the maximum nearest to a frequency."""
+    maximum = min(maxima(stored), key=lambda each: abs(each.abscissa - frequency), default=None)
+    if maximum is None:
+        return (None, NO_MAXIMUM), (None, NO_MAXIMUM)
+    remark = OPEN_END if maximum.is_open else ""
+    return (maximum.abscissa, remark), (maximum.speed, remark)
 
 
-def _nearest_maximum(printed: Printed, case: PaperCase) -> tuple[Found, Found]:
-    """Excitation frequency and threshold of the maximum nearest to the printed anti-resonance."""
-
-    def nearest(stored: PaperPlane) -> Boundary | None:
-        found = maxima(stored)
-        return min(found, key=lambda each: abs(each.abscissa - printed.antiresonance)) if found else None
-
-    return _maximum(case, nearest)
-
-
-def _highest_maximum(case: PaperCase) -> Found:
+def highest_maximum(stored: PaperPlane) -> Finding:
     """Excitation frequency of the highest maximum, its threshold in the remark."""
-
-    def highest(stored: PaperPlane) -> Boundary | None:
-        return max(maxima(stored), key=lambda each: each.speed, default=None)
-
-    frequency, threshold = _maximum(case, highest)
-    told = "" if threshold.value is None else f"threshold {threshold.value:.4g}"
-    return Found(frequency.value, "; ".join(filter(None, (told, frequency.remark))))
+    maximum = max(maxima(stored), key=lambda each: each.speed, default=None)
+    if maximum is None:
+        return None, NO_MAXIMUM
+    return maximum.abscissa, _joined(f"threshold {maximum.speed:.4g}", OPEN_END if maximum.is_open else "")
 
 
-def _maximum(case: PaperCase, choose: Callable[[PaperPlane], Boundary | None]) -> tuple[Found, Found]:
-    if case.stored is None:
-        return Found(None, case.reason), Found(None, case.reason)
-    boundary = choose(case.stored)
-    if boundary is None:
-        none = Found(None, _remark("the threshold has no maximum in the plane", case.stored))
-        return none, none
-    open_end = "at least: no Neimark-Sacker point up to the highest speed of the plane"
-    remark = _remark(open_end if boundary.is_open else "", case.stored)
-    return Found(boundary.abscissa, remark), Found(boundary.speed, remark)
+def _threshold_rows(printed: Printed, case: PaperCase) -> list[Row]:
+    """The rows of one stiffness that speak of thresholds."""
+    at = printed.antiresonance
+    return [
+        _row(case, AT_LOW_FREQUENCY, "low threshold", printed.low_threshold,
+             lambda plane: threshold_at(plane, REFERENCE_FREQUENCY)),
+        _row(case, "anti-resonance: nearest maximum of the threshold", "anti-resonance", at,
+             lambda plane: nearest_maximum(plane, at)[0]),
+        _row(case, "anti-resonance: highest maximum of the threshold", "anti-resonance", at, highest_maximum),
+        _row(case, AT_NEAREST_MAXIMUM, "threshold", printed.threshold,
+             lambda plane: nearest_maximum(plane, at)[1]),
+        _row(case, f"threshold at excitation frequency {at:.2f}", "threshold", printed.threshold,
+             lambda plane: threshold_at(plane, at)),
+    ]  # fmt: skip
 
 
-def _largest_gain(gains: Sequence[Found]) -> Row:
-    """The gain of the stiffness that gains most."""
-    known = {
-        printed.foil_stiffness: gain.value
-        for printed, gain in zip(PRINTED, gains, strict=True)
-        if gain.value is not None
+def _largest_gain(rows: Sequence[Row]) -> Row:
+    """The gain of the stiffness that gains most, from the rows of all."""
+    lows = [row for row in rows if row.quantity == AT_LOW_FREQUENCY]
+    tops = [row for row in rows if row.quantity == AT_NEAREST_MAXIMUM]
+    gains = {
+        low.foil_stiffness: top.ours / low.ours - 1.0
+        for low, top in zip(lows, tops, strict=True)
+        if low.ours and top.ours is not None
     }
-    if not known:
-        remark = next(gain.remark for gain in gains)
-        return Row("largest gain in threshold speed", "gain", None, DISPLACEMENT, GAIN, None, remark)
-    best = max(known, key=lambda stiffness: known[stiffness])
-    told = ", ".join(f"k_b = {stiffness:g}: {gain:+.1%}" for stiffness, gain in known.items())
-    return Row("largest gain in threshold speed", "gain", best, DISPLACEMENT, GAIN, known[best], told)
+    best = max(gains, key=lambda stiffness: gains[stiffness], default=None)
+    remark = ", ".join(f"k_b = {stiffness:g}: {gain:+.1%}" for stiffness, gain in gains.items())
+    remark = remark or lows[0].remark or tops[0].remark
+    return Row("largest gain in threshold speed", "gain", best, DISPLACEMENT, GAIN, gains.get(best), remark)
 
 
 def _period_doubling_rows(printed: Printed, case: PaperCase) -> list[Row]:
     """The lowest period doubling at the printed anti-resonance, and in the whole plane."""
-    at = printed.antiresonance
-    found = {
-        f"lowest period doubling at excitation frequency {at:g}": _from(
-            case, lambda stored: _doubling_at(stored, at)
-        ),
-        "lowest period doubling of the plane": _from(case, lambda stored: _lowest_doubling(stored)),
-    }
+    at, speed = printed.antiresonance, PERIOD_DOUBLING_SPEED
     return [
-        Row(quantity, "period doubling", printed.foil_stiffness, DISPLACEMENT, PERIOD_DOUBLING_SPEED,
-            each.value, each.remark)
-        for quantity, each in found.items()
+        _row(case, f"lowest period doubling at excitation frequency {at:g}", "period doubling", speed,
+             lambda plane: _doubling_at(plane, at)),
+        _row(case, "lowest period doubling of the plane", "period doubling", speed, _lowest_doubling),
     ]  # fmt: skip
 
 
-def _doubling_at(stored: PaperPlane, frequency: float) -> Found:
+def _doubling_at(stored: PaperPlane, frequency: float) -> Finding:
     plane = replace(stored.plane, curves=stored.of_kind("period_doubling"))
     crossings = plane.crossings(plane.axis, frequency, *plane.speeds)
     if crossings:
-        return Found(min(crossing.position for crossing in crossings))
-    intervals = doubling_intervals(stored)
-    where = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in intervals)
-    return Found(None, f"none there, but at {where}" if intervals else "no period doubling in the plane")
+        return min(crossing.position for crossing in crossings), ""
+    where = _as_text(doubling_intervals(stored))
+    return None, f"none there, but at {where}" if where else "no period doubling in the plane"
 
 
-def _lowest_doubling(stored: PaperPlane) -> Found:
+def _lowest_doubling(stored: PaperPlane) -> Finding:
     axis = stored.plane.axis
-    lowest: tuple[float, float] | None = None
+    lowest: list[tuple[float, float]] = []
     for curve in stored.of_kind("period_doubling"):
         points = curve.at(np.concatenate([curve.arclength, *curve.extrema]))
         row = points[np.argmin(points[:, 1 - axis])]
-        place = float(row[1 - axis]), float(row[axis])
-        lowest = place if lowest is None else min(lowest, place)
-    if lowest is None:
-        return Found(None, "no period doubling in the plane")
-    return Found(lowest[0], f"at excitation frequency {lowest[1]:.4g}")
+        lowest.append((float(row[1 - axis]), float(row[axis])))
+    if not lowest:
+        return None, "no period doubling in the plane"
+    speed, frequency = min(lowest)
+    return speed, f"at excitation frequency {frequency:.4g}"
 
 
 def doubling_intervals(stored: PaperPlane) -> list[tuple[float, float]]:
@@ -375,73 +334,58 @@ def doubling_intervals(stored: PaperPlane) -> list[tuple[float, float]]:
     return joined
 
 
-def _smallest_displacement(cases: Sequence[PaperCase]) -> list[Row]:
-    """How far the smallest displacement of each stiffness moves the threshold from that of resting rings."""
-    rows = []
-    for printed in PRINTED:
-        own = [
-            case for case in cases if math.isclose(case.foil_stiffness, printed.foil_stiffness, rel_tol=SAME)
-        ]
-        moving = [case for case in own if case.displacement > 0.0]
-        if len(moving) < 2:
-            case, why = None, "the stores have not two displacements of this stiffness"
-        else:
-            case, why = moving[0], ""
-        quantities: Mapping[str, Callable[[PaperPlane], Found]] = {
-            f"change of the threshold by the smallest displacement, at {REFERENCE_FREQUENCY:g}": _change_low,
-            "the same, largest over the excitation frequency": _change_anywhere,
-        }
-        for quantity, change in quantities.items():
-            found = Found(None, why) if case is None else _from(case, change)
-            displacement = None if case is None else case.displacement
-            rows.append(
-                Row(quantity, "smallest displacement", printed.foil_stiffness, displacement, 0.0,
-                    found.value, found.remark)
-            )  # fmt: skip
-    return rows
+def _as_text(intervals: Sequence[tuple[float, float]]) -> str:
+    return ", ".join(f"{low:.4g} to {high:.4g}" for low, high in intervals)
 
 
-def _change_low(stored: PaperPlane) -> Found:
-    found = threshold_at(stored, REFERENCE_FREQUENCY)
+def _smallest_displacement_rows(stiffness: float, cases: Sequence[PaperCase]) -> list[Row]:
+    """How far the smallest displacement of a stiffness moves the threshold from that of resting rings."""
+    at_low = f"change of the threshold by the smallest displacement, at {REFERENCE_FREQUENCY:g}"
+    anywhere, source = "the same, largest over the excitation frequency", "smallest displacement"
+    moving = [case for case in cases if case.foil_stiffness == stiffness and case.displacement > 0.0]
+    if len(moving) < 2:
+        why = "the stores have not two displacements of this stiffness"
+        return [Row(quantity, source, stiffness, None, 0.0, None, why) for quantity in (at_low, anywhere)]
+    return [
+        _row(moving[0], at_low, source, 0.0, _change_low),
+        _row(moving[0], anywhere, source, 0.0, _change_anywhere),
+    ]
+
+
+def _change_low(stored: PaperPlane) -> Finding:
+    threshold, remark = threshold_at(stored, REFERENCE_FREQUENCY)
     passive = stored.stored.passive
-    if passive is None or found.value is None:
-        return Found(None, found.remark or "the instability speed at displacement 0 is not stored")
-    return Found(found.value / passive - 1.0, found.remark)
+    if passive is None or threshold is None:
+        return None, remark or "the instability speed at displacement 0 is not stored"
+    return threshold / passive - 1.0, remark
 
 
-def _change_anywhere(stored: PaperPlane) -> Found:
+def _change_anywhere(stored: PaperPlane) -> Finding:
     passive = stored.stored.passive
     if passive is None or not stored.envelope:
-        return Found(
-            None, "the instability speed at displacement 0, or Neimark-Sacker curves, are not stored"
-        )
+        return None, "the instability speed at displacement 0, or Neimark-Sacker curves, are not stored"
     boundaries = [boundary for boundary in stored.envelope if not boundary.is_open]
+    if not boundaries:
+        return None, "no Neimark-Sacker point in the plane"
     changes = [boundary.speed / passive - 1.0 for boundary in boundaries]
-    if not changes:
-        return Found(None, "no Neimark-Sacker point in the plane")
     worst = int(np.argmax(np.abs(changes)))
-    return Found(changes[worst], f"at excitation frequency {boundaries[worst].abscissa:.4g}")
+    return changes[worst], f"at excitation frequency {boundaries[worst].abscissa:.4g}"
 
 
-def _counted(case: PaperCase, cases: Sequence[PaperCase]) -> list[Row]:
+def _count_rows(case: PaperCase, cases: Sequence[PaperCase]) -> list[Row]:
     """Number of curves of period doublings of a case and how much of the excitation frequency they cover;
     none is printed for the smallest displacement of the stores.
     """
     moving = sorted({each.displacement for each in cases if each.displacement > 0.0})
     printed = 0.0 if len(moving) > 1 and case.displacement == moving[0] else None
-
-    def covered(stored: PaperPlane) -> Found:
-        intervals = doubling_intervals(stored)
-        where = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in intervals)
-        return Found(sum(high - low for low, high in intervals), where)
-
-    number = _from(case, lambda stored: Found(float(len(stored.of_kind("period_doubling")))))
-    length = _from(case, covered)
+    source, length = "period doublings", "excitation frequencies with period doublings, length"
     return [
-        Row(quantity, "period doublings", case.foil_stiffness, case.displacement, printed, each.value,
-            each.remark)
-        for quantity, each in (
-            ("curves of period doublings", number),
-            ("excitation frequencies with period doublings, length", length),
-        )
+        _row(case, "curves of period doublings", source, printed,
+             lambda stored: (float(len(stored.of_kind("period_doubling"))), "")),
+        _row(case, length, source, printed, _doubled_length),
     ]  # fmt: skip
+
+
+def _doubled_length(stored: PaperPlane) -> Finding:
+    intervals = doubling_intervals(stored)
+    return sum(high - low for low, high in intervals), _as_text(intervals)

@@ -1,4 +1,4 @@
-"""`agfb verify`: is a store whole, and do its numbers solve the equations?
+"""`agfb verify`: is a store intact, and do its numbers solve the equations?
 
 Beside the files, a sample of the stored solutions is put into the equations of the stored case again:
 
@@ -39,7 +39,7 @@ __all__ = ["Checked", "Finding", "stored_case", "verify"]
 
 @dataclass(frozen=True)
 class Checked:
-    """A stored solution put into the equations: its residual and what it may be."""
+    """A stored solution inserted into the equations: its residual and the allowed one."""
 
     group: str
     row: int
@@ -61,7 +61,7 @@ def verify(store_path: Path, sample: int) -> tuple[list[Finding], list[Checked]]
     checked: list[Checked] = []
     if sample > 0:
         damaged = [finding.path for finding in findings if finding.severity == "error"]
-        for case, groups in _groups(store, told=bool(damaged)):
+        for case, groups in _groups(store, reported=bool(damaged)):
             named = stored_case(store, case)
             machine = build_machine(named.case)
             for group in groups:
@@ -71,13 +71,13 @@ def verify(store_path: Path, sample: int) -> tuple[list[Finding], list[Checked]]
     return findings, checked
 
 
-def _groups(store: Store, told: bool) -> Iterator[tuple[str, list[str]]]:
-    """Cases with their groups; none of those that cannot be listed when their damage is ``told``."""
+def _groups(store: Store, reported: bool) -> Iterator[tuple[str, list[str]]]:
+    """Cases with their groups; none of a case that cannot be listed and whose damage is ``reported``."""
     try:
         for case in list_cases(store):
             yield case, list_groups(store, case)
     except StoreError:
-        if not told:
+        if not reported:
             raise
 
 
@@ -102,7 +102,7 @@ def _residuals(store: Store, group: str, case: Case, machine: Machine, sample: i
 
 
 def _equilibria(store: Store, group: str, case: Case, machine: Machine, sample: int) -> Iterator[Checked]:
-    """Right-hand sides at stored equilibria, against the residual that Newton's method left."""
+    """Right-hand sides at stored equilibria, compared with the residual that Newton's method left."""
     rows = read_group(store, group, ("speed", "state", "newton_residual"))
     parameters = parameter_vector(case)
     for row in _spread(np.flatnonzero(np.isfinite(rows["state"]).all(axis=1)), sample):
@@ -113,7 +113,10 @@ def _equilibria(store: Store, group: str, case: Case, machine: Machine, sample: 
 
 
 def _cycles(store: Store, group: str, case: Case, machine: Machine, sample: int) -> Iterator[Checked]:
-    """Mismatches of stored cycles after their period, relative to the largest component as Newton's are."""
+    """Mismatches of stored cycles after their period, relative to the largest component.
+
+    Newton's method uses the same scale.
+    """
     rows = read_group(store, group, ("state", "period", "steps_per_period", *PARAMETERS))
     turns = int(rows.attributes.get("turns", 1))
     period_map = with_multiplied_period(cycle_problem(machine, case), turns).period_map
@@ -127,7 +130,7 @@ def _cycles(store: Store, group: str, case: Case, machine: Machine, sample: int)
 
 
 def _spread(rows: np.ndarray, count: int) -> list[int]:
-    """Up to ``count`` of the rows, first and last among them."""
+    """Up to ``count`` of the rows, including the first and the last."""
     chosen = np.linspace(0, len(rows) - 1, min(count, len(rows)))
     return [int(rows[k]) for k in np.unique(np.round(chosen).astype(int))]
 

@@ -1,8 +1,8 @@
-"""Stages of many cases.
+"""Scheduling of the stages of many cases.
 
 - registry: the stages by name
 - tasks: one stage on one case; how it ended, recorded in the store
 - pool, campaign: where tasks run; the tasks of many cases on a Dask cluster
 - preparation: the store that a run writes to
-- durations, plan: timed pieces of work; what a dry run foresees
+- durations, plan: timed pieces of work; plan of a dry run
 """

@@ -1,4 +1,4 @@
-"""The stages of many cases on the workers of a Dask cluster.
+"""Run the stages of many cases on the workers of a Dask cluster.
 
 One task is one stage of one case. The stages of a case form a chain, so that curves find the cycles that they
 start from; chains of different cases run side by side. A worker that dies costs nothing that was committed:
@@ -30,7 +30,7 @@ from distributed.client import FutureCancelledError
 from distributed.comm.core import CommClosedError
 
 from pipelines.case.reading import NamedCase
-from pipelines.datasets.watching import progress, watch
+from pipelines.datasets.watching import totals, watch
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.scheduling.pool import ClusterError, Pool
 from pipelines.stages.scheduling.tasks import run_task, task
@@ -88,18 +88,18 @@ def run_campaign(
         stop = Event(name, client=client)
         waiting = deque(_Chain(case, list(stages)) for case in cases)
         yield from _Campaign(
-            client, pool, stop, _told(events, report), should_stop, store_path.resolve(), waiting
+            client, pool, stop, _event_reporter(events, report), should_stop, store_path.resolve(), waiting
         ).results()
 
 
 def _settings(pool: Pool) -> dict[str, Any]:
-    """A cluster is reached as its site says; workers of this machine need nothing but Dask's own defaults."""
+    """Dask's settings: a cluster uses those of its site; workers of this machine only Dask's defaults."""
     site = {} if pool.address is not None else dask.config.merge(*dask.config.defaults)
     return {**site, **SETTINGS}
 
 
 def _advice(pool: Pool) -> str:
-    resumes = "what was committed is kept; the same command goes on from there"
+    resumes = "committed points are kept; the same command resumes"
     if pool.address is None:
         return f"choose fewer --workers, or leave the option out: memory or processes ran short; {resumes}"
     return f"`dask scheduler` prints its address, `dask worker ADDRESS` adds a worker; {resumes}"
@@ -107,8 +107,10 @@ def _advice(pool: Pool) -> str:
 
 @contextmanager
 def _lost_connections(pool: Pool) -> Iterator[None]:
-    """To Dask a lost connection, or one that is not made in time, is an error of the operating system; it is
-    none of the disk's, which have a number.
+    """Turn a lost Dask connection into a ClusterError.
+
+    To Dask a lost connection, or one that is not made in time, is an error of the operating system;
+    unlike errors of the disk it has no number.
     """
     lost = "the connection to the cluster is lost" if pool.address else "the workers are lost"
     try:
@@ -122,7 +124,7 @@ def _lost_connections(pool: Pool) -> Iterator[None]:
 
 
 def _client(pool: Pool, cases: int, should_stop: ShouldStop, stack: ExitStack) -> Client | None:
-    """The cluster; None when it was asked to stop before there was one."""
+    """The cluster; None if it was asked to stop before it was connected."""
     if pool.address is not None:
         client = _connected(pool, should_stop)
         return None if client is None else stack.enter_context(client)
@@ -132,7 +134,7 @@ def _client(pool: Pool, cases: int, should_stop: ShouldStop, stack: ExitStack) -
 
 
 def _own_cluster(pool: Pool, workers: int) -> LocalCluster:
-    """Workers on this machine. One that dies while they start is no reason to give up."""
+    """Workers on this machine. One that dies during the start is no reason to give up."""
     for attempt in range(1, _STARTS + 1):
         try:
             return LocalCluster(
@@ -152,7 +154,7 @@ def _own_cluster(pool: Pool, workers: int) -> LocalCluster:
 
 
 def _connected(pool: Pool, should_stop: ShouldStop) -> Client | None:
-    """The cluster at an address. Raises ClusterError where there is none.
+    """The cluster at an address. Raises ClusterError if there is none.
 
     A server that is not Dask's may leave a connection open for ever: another thread waits for it.
     """
@@ -181,20 +183,20 @@ def _connect(address: str, made: queue.SimpleQueue[Client | Exception]) -> None:
 
 
 class _IgnoreInterrupts(WorkerPlugin):
-    """Ctrl-C reaches every process of a terminal: to its own workers the driver decides what it means."""
+    """Let workers ignore Ctrl-C, which reaches every process of a terminal: the driver decides for them."""
 
     def setup(self, worker: Worker) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _told(events: queue.SimpleQueue[dict[str, Any]], report: Report) -> Callable[[], None]:
+def _event_reporter(events: queue.SimpleQueue[dict[str, Any]], report: Report) -> Callable[[], None]:
     """Pass on the progress that arrived since the last call, in the caller's thread."""
 
-    def tell() -> None:
+    def report_events() -> None:
         while not events.empty():
             report(Progress(**events.get()["progress"]))
 
-    return tell
+    return report_events
 
 
 @dataclass(frozen=True)
@@ -207,8 +209,9 @@ class _Running:
 
 @dataclass
 class _Chain:
-    """What is left to do for a case, in order, and how often workers died with the first of it since it had
-    ``committed`` so many points.
+    """The remaining tasks of a case in order, and how often workers died with the first of them.
+
+    Deaths count since the case had ``committed`` so many points.
     """
 
     case: NamedCase
@@ -219,12 +222,12 @@ class _Chain:
 
 @dataclass
 class _Campaign:
-    """One task at a time on every worker, so that it is known which one a worker died with."""
+    """One task at a time on every worker, so that it is known with which task a worker died."""
 
     client: Client
     pool: Pool
     stop: Event
-    tell: Callable[[], None]
+    report_events: Callable[[], None]
     should_stop: ShouldStop
     store_path: Path
     waiting: deque[_Chain]
@@ -233,7 +236,7 @@ class _Campaign:
     def results(self) -> Iterator[tuple[str, StageResult]]:
         stopping, counted, present = False, -math.inf, time.monotonic()
         while self.running or (self.waiting and not stopping):
-            self.tell()
+            self.report_events()
             if not stopping and self.should_stop():
                 stopping = True
                 self.stop.set()
@@ -250,7 +253,7 @@ class _Campaign:
             time.sleep(_SECONDS_BETWEEN_LOOKS)
 
     def _workers(self) -> set[str]:
-        """The addresses of all workers. Raises TimeoutError where the scheduler stands still."""
+        """The addresses of all workers. Raises TimeoutError if the scheduler does not respond."""
         scheduler: Any = self.client.scheduler
         return set(self.client.sync(scheduler.ncores, callback_timeout=_CONNECTION_TIMEOUT))
 
@@ -266,8 +269,8 @@ class _Campaign:
         return self.running[address].future.done() or address not in workers
 
     def _end(self, run: _Running) -> Iterator[tuple[str, StageResult]]:
-        """Results of a task that has ended, and of those that cannot follow it; what can waits again."""
-        self.tell()
+        """Results of a task that has ended, and of tasks that cannot follow it; the others wait again."""
+        self.report_events()
         chain, case_id = run.chain, run.chain.case.case_id
         records = _records(run.future)
         if records is not None:
@@ -286,21 +289,22 @@ class _Campaign:
         yield chain.stages[0], _lost(case_id, error)
         for stage in chain.stages[1:]:
             reason = f"not computed: {chain.stages[0]} did not end"
-            yield stage, StageResult(case_id, False, reason, "run the command again to try once more")
+            yield stage, StageResult(case_id, False, reason, "run the command again to retry")
 
     def _deaths(self, chain: _Chain) -> int:
-        """How many workers have died with the case, this one too, since it committed its newest point:
-        workers that live shorter than their task are no reason to give up.
+        """How many workers have died with the case since it committed its newest point, including this one.
+
+        Workers that live shorter than their task are no reason to give up.
         """
         states = [state for state in watch(self.store_path) if state.case == chain.case.case_id]
-        committed = progress(states).points
+        committed = totals(states).points
         chain.deaths = chain.deaths + 1 if committed <= chain.committed else 1
         chain.committed = committed
         return chain.deaths
 
 
 def _records(future: Future[Any]) -> list[dict[str, Any]] | None:
-    """The result of a task, or nothing where it was asked to stop before it began; None when it did not end.
+    """The result of a task, or nothing if it was asked to stop before it began; None if it did not end.
 
     A result stays with its worker: one that died after it had computed it never gives it, and Dask would wait
     for that worker for ever.
@@ -315,7 +319,7 @@ def _records(future: Future[Any]) -> list[dict[str, Any]] | None:
 
 
 def _error(future: Future[Any]) -> BaseException | None:
-    """What a task raised; None when its worker died with it."""
+    """The error that a task raised; None if its worker died with it."""
     if future.status != "error":
         future.cancel()
         return None
@@ -341,7 +345,7 @@ def _lost(case_id: str, error: BaseException | None) -> StageResult:
 
 
 def _on_worker(work: Mapping[str, Any], campaign: str) -> list[dict[str, Any]]:
-    """One task, in the process of a worker; nothing when it was asked to stop before it began."""
+    """One task in the process of a worker; nothing if it was asked to stop before it began."""
     should_stop = _Asked(Event(campaign).is_set)
     return [] if should_stop() else [run_task(work, _Sender(campaign), should_stop)]
 
@@ -360,7 +364,7 @@ class _Asked:
 
 
 class _Sender:
-    """Sends progress to the driver, not more often than somebody can read; the last of a stage always."""
+    """Sends progress to the driver at a readable rate; the last report of a stage always."""
 
     def __init__(self, topic: str) -> None:
         self._topic, self._next = topic, 0.0

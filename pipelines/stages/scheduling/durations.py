@@ -1,4 +1,4 @@
-"""About how long a case takes: a few pieces of its work, timed here and now on its own machine and grid.
+"""Estimate the duration of a case: a few pieces of its work, timed on its own machine and grid.
 
 What a piece takes is measured; how many of them a point takes is not known before: each ``PASSES_PER_...`` is
 what was counted on finished branches.  An estimate is good to a factor of two or three; that branches end
@@ -86,7 +86,7 @@ class Durations:
 
 
 def _equilibrium(machine: Machine, case: Case) -> float | None:
-    """Two speeds at the upper end of the range: the first one also loads the kernels."""
+    """Time of two speeds at the upper end of the range; the first one also loads the kernels."""
     parameters, table = reference_parameters(case), case.linearize
     high = table.speed_range[1]
     first = linear_point(machine, at_speed(parameters, high), table.eigenvalues)
@@ -107,7 +107,7 @@ def _campbell_speed(machine: Machine, case: Case) -> float | None:
 
 
 def _pass(machine: Machine, case: Case) -> float | None:
-    """All tangents over one period, with the steps that the multipliers of the equilibrium ask for."""
+    """All tangents over one period, with the number of steps that the equilibrium's multipliers require."""
     problem = cycle_problem(machine, case)
     period_map, parameters = problem.period_map, problem.parameters
     found = machine_equilibrium(machine, parameters)
@@ -136,7 +136,7 @@ def _pass(machine: Machine, case: Case) -> float | None:
 
 
 def _period(problem: CycleProblem) -> float:
-    """That of the rings; of whirl at half the speed where they rest."""
+    """Period of the rings, or of whirl at half the speed if the rings rest."""
     if problem.period_map.system.forcing is not None:
         return problem.period_map.period(problem.parameters)
     return 4.0 * math.pi / float(problem.parameters[film.SPEED])

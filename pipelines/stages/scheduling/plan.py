@@ -1,4 +1,4 @@
-"""What a command would do: of every stage of every case what is there, and about how long the rest takes.
+"""Dry runs: what the store has of every stage of every case, and about how long the rest takes.
 
 Nothing is written. How many points a stage takes at most stands in its table; where that cannot be known
 before, the plan says what decides it.
@@ -18,7 +18,7 @@ from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import COMPLETE
-from pipelines.datasets.store import Store, open_for_reading
+from pipelines.datasets.store import Store, local_name, open_for_reading
 from pipelines.stages.calibration import calibrate
 from pipelines.stages.curves import bifurcation_set, track_curves
 from pipelines.stages.cycles import continue_cycles
@@ -38,7 +38,7 @@ CYCLES_PER_ONSET = 8  # a branch that begins near an onset has four to twelve po
 
 
 class StageStatus(Enum):
-    """What of a stage is in the store."""
+    """How much of a stage is in the store."""
 
     NOTHING = "nothing"
     PARTIAL = "partial"
@@ -49,8 +49,10 @@ class StageStatus(Enum):
 
 @dataclass(frozen=True)
 class Planned:
-    """A stage of a case: ``there`` are ``points`` of at most ``most`` (None: not known before), the others
-    take about ``seconds`` at most (None: not known); ``note`` says what decides what is not known.
+    """A stage of a case and what is left of it.
+
+    ``there`` are ``points`` of at most ``most`` (None: not known before), the others take about
+    ``seconds`` at most (None: not known); ``note`` says what decides what is not known.
     """
 
     case_id: str
@@ -62,14 +64,14 @@ class Planned:
     note: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
+        """The plan as plain data."""
         return asdict(self) | {"there": self.there.value}
 
 
 def plan(stages: Sequence[str], cases: Sequence[NamedCase], store_path: Path | None) -> Iterator[Planned]:
-    """What is there and what is left of every stage of every case; ``store_path`` may not exist yet.
+    """What every stage of every case has and still needs; ``store_path`` may not exist yet.
 
-    Raises StoreError for a store that cannot be read, and CannotRunError for a run in time that cannot start.
+    Raises StoreError for a store that cannot be read, and CannotRunError for a transient that cannot start.
     """
     store = open_for_reading(store_path) if store_path is not None and store_path.exists() else None
     durations = Durations()
@@ -83,7 +85,7 @@ def plan(stages: Sequence[str], cases: Sequence[NamedCase], store_path: Path | N
 
 @dataclass(frozen=True)
 class _Here:
-    """What a store holds of a case; ``own``: of these ``groups`` those of one stage."""
+    """What a store holds of a case; ``own``: those of the ``groups`` that belong to one stage."""
 
     case: Case
     case_id: str
@@ -94,7 +96,7 @@ class _Here:
 
 @dataclass(frozen=True)
 class _Extent:
-    """What decides how far a stage is and how long it takes."""
+    """How far a stage is, and how long it takes."""
 
     groups: tuple[str, ...]
     """Beginnings of the names of its groups."""
@@ -121,11 +123,11 @@ class _Extent:
 
 
 def _made_in_one_piece(found: Planned, here: _Here) -> Planned:
-    """The critical speeds: made again for another table."""
+    """The critical speeds: recomputed for another table."""
     if not here.own:
         return found
     (group,) = here.own.values()
-    ended = StageStatus.COMPLETE if group["stop_reason"] in criticals.WELL else StageStatus.FAILED
+    ended = StageStatus.COMPLETE if group["stop_reason"] in criticals.SUCCESSFUL else StageStatus.FAILED
     there = StageStatus.NOTHING if found.there is StageStatus.DIFFERENT_SETTINGS else ended
     return replace(
         found, there=there, points=0 if there is StageStatus.NOTHING else here.case.criticals.points
@@ -142,7 +144,7 @@ def _in_both_directions(found: Planned, here: _Here) -> Planned:
 
 
 def _of_stored_bifurcations(found: Planned, here: _Here) -> Planned:
-    """The refinement: bifurcations that earlier stages will find are not known."""
+    """The refinement: bifurcations that earlier stages will find are not known yet."""
     if here.store is None:
         return found
     stored = len(stored_points(here.store, here.case_id, here.case.refine.points_per_curve))
@@ -151,7 +153,7 @@ def _of_stored_bifurcations(found: Planned, here: _Here) -> Planned:
 
 
 def _searched(found: Planned, here: _Here) -> Planned:
-    """The search of the plane is complete when a round met no new curve, or all rounds are made."""
+    """The search of the plane is complete when a round met no new curve, or all rounds are done."""
     if found.there in (StageStatus.FAILED, StageStatus.DIFFERENT_SETTINGS):
         return found
     return replace(found, there=_search_state(here, found.there))
@@ -198,14 +200,14 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
     {
         "linearize": _Extent(
             groups=("linear",),
-            success=missing_speeds.WELL,
+            success=missing_speeds.SUCCESSFUL,
             table="linearize",
             duration=Durations.of_equilibrium,
             most=lambda case: case.linearize.points,
         ),
         "criticals": _Extent(
             groups=("criticals",),
-            success=criticals.WELL,
+            success=criticals.SUCCESSFUL,
             table="criticals",
             duration=Durations.of_campbell_speed,
             most=lambda case: case.criticals.points,
@@ -219,7 +221,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             free=frozenset(NOT_ASKED),
             most=lambda case: case.continue_cycles.max_points * len(continue_cycles.directions(case)),
             without=lambda case: (
-                "without branches of doubled cycles" if case.continue_cycles.doublings > 0 else ""
+                "without period-doubled branches" if case.continue_cycles.doublings > 0 else ""
             ),
             adjusted=_in_both_directions,
         ),
@@ -227,13 +229,13 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
         "track_ns": _curves(("ns/",), "ends when every Neimark-Sacker point of the store lies on a curve"),
         "track_folds": _curves(("folds/",), "ends when every fold of the store lies on a curve"),
         "bifurcation_set": replace(
-            _curves(("pd/", "ns/", "folds/"), "ends when a round of fresh lines meets no new curve"),
+            _curves(("pd/", "ns/", "folds/"), "ends when a round of new lines meets no new curve"),
             settles=True,
             adjusted=_searched,
         ),
         "refine": _Extent(
             groups=("refinement",),
-            success=frozenset({refine.FINISHED}),
+            success=frozenset({refine.ALL_RECOMPUTED}),
             table="refine",
             duration=Durations.of_refined_point,
             free=frozenset({"points_per_curve"}),
@@ -246,7 +248,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             table="continue_tori",
             duration=Durations.of_torus,
             free=frozenset({"max_points"}),
-            decided_by="a torus takes the longer the more angles it needs, here with the fewest",
+            decided_by="estimated with the fewest angles; a torus with more angles takes longer",
         ),
         "calibrate": _Extent(
             groups=(calibrate.GROUP,),
@@ -260,11 +262,11 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
         ),
     }
 )
-"""Every stage but the run in time, which measures itself."""
+"""Every stage but the transient, which measures itself."""
 
 
 def _found(stage: str, named: NamedCase, store: Store | None) -> Planned:
-    """What is there of a stage."""
+    """How much of a stage is in the store."""
     case, extent = named.case, _EXTENTS[stage]
     groups = _groups(store, named.case_id)
     own = {name: attributes for name, attributes in groups.items() if name.startswith(extent.groups)}
@@ -278,9 +280,7 @@ def _groups(store: Store | None, case_id: str) -> dict[str, Attributes]:
     """Attributes of the groups of a case by name."""
     if store is None:
         return {}
-    return {
-        name.split("/", 2)[2]: read_group(store, name, ()).attributes for name in list_groups(store, case_id)
-    }
+    return {local_name(name): read_group(store, name, ()).attributes for name in list_groups(store, case_id)}
 
 
 def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> StageStatus:
@@ -308,7 +308,7 @@ def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> StageSt
 
 
 def _with_time(found: Planned, case: Case, durations: Durations) -> Planned:
-    """The same with the time of the points that are left, or of one point where their number is not known."""
+    """A planned stage with the time of its missing points, or of one point if their number is not known."""
     extent = _EXTENTS[found.stage]
     ended = found.there in (StageStatus.COMPLETE, StageStatus.FAILED, StageStatus.DIFFERENT_SETTINGS)
     if ended and extent.settles:
@@ -322,7 +322,7 @@ def _with_time(found: Planned, case: Case, durations: Durations) -> Planned:
 
 
 def _run_in_time(named: NamedCase, store: Store | None, store_path: Path | None) -> Planned:
-    """A run in time is measured by its own stage."""
+    """A transient, whose duration its own stage measures."""
     request = request_of(named.case)
     groups = _groups(store, named.case_id)
     own = [
@@ -337,7 +337,7 @@ def _run_in_time(named: NamedCase, store: Store | None, store_path: Path | None)
         return Planned(named.case_id, "transient", StageStatus.NOTHING, 0, None, ahead.seconds, note)
     there = StageStatus.PARTIAL
     if ahead.steps == 0:
-        there = StageStatus.COMPLETE if own[0]["stop_reason"] in transient.COMPLETE else StageStatus.FAILED
+        there = StageStatus.COMPLETE if own[0]["stop_reason"] in transient.SUCCESSFUL else StageStatus.FAILED
     most = int(own[0]["dimensions"]["sample"])
     return Planned(
         named.case_id, "transient", there, begun[0], most, ahead.seconds, note if ahead.steps else ""

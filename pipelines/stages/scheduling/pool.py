@@ -1,4 +1,4 @@
-"""Where the tasks of a campaign run; imports nothing, so that the command line can ask for it cheaply."""
+"""Where the tasks of a campaign run; imports nothing, so that the command line can use it cheaply."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Pool:
-    """``workers`` processes on this machine, or the Dask cluster whose scheduler has ``address``
-    (``tcp://host:port``), whose workers see the store under the same path.
+    """``workers`` processes on this machine, or a Dask cluster.
+
+    The scheduler of the cluster has ``address`` (``tcp://host:port``), and its workers see the store
+    under the same path.
     """
 
     workers: int = 1
@@ -16,7 +18,7 @@ class Pool:
 
 
 class ClusterError(RuntimeError):
-    """The workers cannot be had, or are lost. ``advice`` tells the user what to change."""
+    """The workers are not available, or are lost. ``advice`` tells the user what to change."""
 
     def __init__(self, message: str, advice: str) -> None:
         super().__init__(message)

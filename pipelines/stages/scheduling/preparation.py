@@ -1,4 +1,4 @@
-"""The store that a run writes to: made by the driver alone, before any case is computed."""
+"""The store of a run: prepared by the driver alone, before any case is computed."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.provenance import provenance
-from pipelines.datasets.store import create_store, open_for_writing
+from pipelines.datasets.store import case_group, create_store, open_for_writing
 from pipelines.machine.assembly import parameter_vector
 from pipelines.stages.parameter_columns import parameter_attributes
 
 
 def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequence[str]) -> None:
-    """Make the store of a configuration, or check that the one which is there belongs to it.
+    """Create the store of a configuration, or check that an existing one belongs to it.
 
     `named_cases` are all cases of the configuration, also those that will not be computed now; the geometry
     of each is written here. Raises StoreError (another configuration, something else at this path), OSError.
@@ -31,13 +31,13 @@ def prepare_store(store_path: Path, named_cases: Sequence[NamedCase], argv: Sequ
             store_path, {named.case_id: case_attributes(named) for named in named_cases}, root
         )
     for named in named_cases:
-        group = f"cases/{named.case_id}/machine"
+        group = case_group(named.case_id, "machine")
         if not store.has_group(group):
             write_group(store, group, "machine", *geometry(named.case))
 
 
 def case_attributes(named: NamedCase) -> dict[str, Any]:
-    """Name, origin, parameters at the start and scales, as JSON values; what the machine lacks is None."""
+    """Name, origin, initial parameters and scales as JSON values; None for what the machine lacks."""
     scales = named.case.scales
     return {
         "name": named.case_id,

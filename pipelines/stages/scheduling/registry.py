@@ -1,4 +1,4 @@
-"""The stages by name, and where the function of each is.
+"""The stages by name, and the location of their functions.
 
 Imports no stage, so that the command line can ask for names cheaply.  A new stage is a function with the
 signature `Stage` and a line here; `pipelines.stages.scheduling.plan` says what a dry run foresees of it.
@@ -56,7 +56,7 @@ class Stage(Protocol):
 
 
 def stage_function(stage: str) -> Stage:
-    """The function of a stage, imported when it is first needed: the import compiles or loads the kernels.
+    """The function of a stage, imported when first needed: the import compiles or loads the kernels.
 
     Raises ValueError for a name that is none of `STAGES`.
     """

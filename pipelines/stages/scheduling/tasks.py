@@ -1,4 +1,4 @@
-"""Running stages over many cases, and recording in the store how each ended.
+"""Run stages over many cases, and record in the store how each ended.
 
 One task is one stage on one case, plain dictionaries in and out. A task is idempotent: run again, it resumes
 from the last row that its case committed. `run_stages` runs the tasks one after the other in this process;
@@ -43,7 +43,7 @@ def run_stages(
 
 
 def task(stage: str, case: NamedCase, store_path: Path) -> dict[str, Any]:
-    """The plain dictionary that says what `run_task` has to do."""
+    """The task for `run_task` as a plain dictionary."""
     return {"stage": stage, "case": case.as_dict(), "store": str(store_path)}
 
 
@@ -87,7 +87,7 @@ def _failure(case: NamedCase, error: Exception, failed_by: FailedBy, advice: str
 def recorded(
     results: Iterable[tuple[str, StageResult]], store_path: Path, should_stop: ShouldStop
 ) -> Iterator[tuple[str, StageResult]]:
-    """Pass on the results of `run_stages` or `run_campaign`; failures are kept until their stage succeeds.
+    """Pass on the results of `run_stages` or `run_campaign`; failures stay stored until their stage succeeds.
 
     A store that failed a case is left alone, and a stage that was asked to stop has neither failed nor
     succeeded. Raises StoreError, OSError.

@@ -1,7 +1,7 @@
-"""Branches of tori into a store.
+"""Compute branches of tori into a store.
 
 - continue_tori: the stage
 - sources: where branches begin
-- branch: one branch: started, followed, resumed, ended
+- branch: one branch: start, continue, resume, end
 - rows: tori as rows, and back
 """

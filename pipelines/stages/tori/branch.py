@@ -1,4 +1,4 @@
-"""One branch of tori into its group of the store: started, followed point by point, resumed, ended."""
+"""One branch of tori in its group of the store: start, continue point by point, resume, end."""
 
 from __future__ import annotations
 
@@ -30,12 +30,14 @@ WANTING_POINTS = TorusStop.MAXIMUM_POINTS.name.lower()
 
 
 def trace_tori(job: Job, group: str, source: TorusSource) -> None:
-    """Follow a branch of tori from its first one, or from its last committed point, until it ends or is asked
-    to stop.  A branch that cannot start is an ended group without points, whose attributes say why.
+    """Trace a branch of tori from its first one, or from its last committed point, until it ends.
+
+    It also ends when asked to stop.  A branch that cannot start is an ended group without points, whose
+    attributes say why.
 
     Raises what `open_branch` raises.
     """
-    case = job.case.case
+    case = job.case
     table = case.continue_tori
     attributes: dict[str, Any] = {
         "parameter": table.parameter,
@@ -50,13 +52,13 @@ def trace_tori(job: Job, group: str, source: TorusSource) -> None:
 
 
 def _follow(job: Job, group: str, source: TorusSource, branch: BranchWriter) -> None:
-    table, newest = job.case.case.continue_tori, branch.resume_row()
+    table, newest = job.case.continue_tori, branch.resume_row()
     if newest is not None:
         problem = source.problem(int(newest.row["steps_per_period"]))
         state = resumed_state(newest, table.parameter)
         _end(branch, source, _run(job, group, branch, problem, state, 1))
         return
-    job.tell(0, table.max_points, f"{group}: looking for the first torus")
+    job.report_progress(0, table.max_points, f"{group}: looking for the first torus")
     failure = NoStart("no torus was found", "")
     for found in source.starts(job):
         if job.should_stop():
@@ -87,13 +89,13 @@ def _run(
         return TorusResult(TorusStop.START_FAILED, None, where)
     circle = problem.circle
     assert isinstance(circle, PeriodCircle)
-    recorder = TorusRecorder(job.machine, circle, branch, job.case.case, _progress_callback(job, group))
+    recorder = TorusRecorder(job.machine, circle, branch, job.case, _progress_callback(job, group))
     return continue_torus(problem, start, options, recorder.record, recorder.limit, job.should_stop)
 
 
 def torus_options(job: Job, direction: int) -> TorusOptions:
-    """Options of the continuation from the case's table; foil stiffnesses count relative to the case's."""
-    table = job.case.case.continue_tori
+    """Options of the continuation from the case's table; foil stiffnesses are relative to the case's."""
+    table = job.case.continue_tori
     return TorusOptions(
         range=table.range,
         direction=direction,
@@ -101,25 +103,25 @@ def torus_options(job: Job, direction: int) -> TorusOptions:
         minimum_step=table.minimum_step,
         maximum_step=table.maximum_step,
         max_points=table.max_points,
-        parameter_scale=parameter_scale(job.case.case, table.parameter),
+        parameter_scale=parameter_scale(job.case, table.parameter),
     )
 
 
 def _progress_callback(job: Job, group: str) -> Callable[[TorusPoint, TorusState], None]:
-    """What is told of every recorded torus."""
-    table = job.case.case.continue_tori
+    """The report of every recorded torus."""
+    table = job.case.continue_tori
 
-    def told(point: TorusPoint, state: TorusState) -> None:
+    def report_point(point: TorusPoint, state: TorusState) -> None:
         message = f"{table.parameter} {state.parameter:.5g}, rotation {state.rotation / (2.0 * math.pi):.5f}"
         known = "stable" if point.stable else "unstable"
         message += f", {point.torus.count} angles, {known if point.spectrum.decided else 'undecided'}"
-        job.tell(state.index + 1, table.max_points, f"{group}: {message}")
+        job.report_progress(state.index + 1, table.max_points, f"{group}: {message}")
 
-    return told
+    return report_point
 
 
 def _end(branch: BranchWriter, source: TorusSource, result: TorusResult) -> None:
-    """Store why the branch ended, with what helps where the Fourier series of a torus does not fall."""
+    """Store why the branch ended, with advice where the Fourier series of a torus decays too slowly."""
     rough = result.stop is TorusStop.ROUGH
     beyond = f"that is, raise continue_tori.max_angles or tolerance, or {source.beyond}"
     store_end(branch, result, beyond if rough else "")

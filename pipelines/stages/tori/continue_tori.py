@@ -1,6 +1,4 @@
-"""`agfb continue-tori`: branches of quasi-periodic orbits, born at Neimark-Sacker points of stored cycles or
-driven by unbalance.
-"""
+"""`agfb continue-tori`: branches of tori, born at Neimark-Sacker points or driven by unbalance."""
 
 from __future__ import annotations
 
@@ -30,8 +28,10 @@ COMPLETE = frozenset(
 
 
 def continue_tori(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill groups of a case: ``tori/q000``, ... from the Neimark-Sacker points inside the range, or
-    ``tori/u000`` and with both directions ``u001`` with unbalance; resumes behind the last point.
+    """Fill groups of a case with branches of tori; resumes after the last point.
+
+    ``tori/q000``, ... from the Neimark-Sacker points inside the range, or ``tori/u000`` and with both
+    directions ``u001`` with unbalance.
     """
     job = Job.of("continue-tori", case, store_path, report, should_stop)
     refusal = _refusal(job)
@@ -48,11 +48,11 @@ def continue_tori(case: NamedCase, store_path: Path, report: Report, should_stop
 
 
 def _refusal(job: Job) -> StageResult | None:
-    """Why there is nothing to follow in this store."""
-    table = job.case.case.continue_tori
+    """Why this store gives no branch of tori to continue."""
+    table = job.case.continue_tori
     if table.origin == "neimark_sacker" and table.branch not in job.groups("cycles"):
         return StageResult(
-            job.case.case_id,
+            job.case_id,
             False,
             f"the store has no branch {table.branch}",
             "run `agfb continue-cycles` with the same store first, or name another continue_tori.branch",
@@ -62,7 +62,7 @@ def _refusal(job: Job) -> StageResult | None:
 
 def _sources(job: Job) -> Iterator[TorusSource]:
     """Where the branches of a case begin, in order."""
-    table = job.case.case.continue_tori
+    table = job.case.continue_tori
     if table.origin == "unbalance":
         for direction in DIRECTIONS[table.direction]:
             yield unbalanced_tori(job, direction)
@@ -79,8 +79,8 @@ def _sources(job: Job) -> Iterator[TorusSource]:
 
 
 def _result(job: Job, groups: list[str]) -> StageResult:
-    """How the branches of a case ended: the case is well when all of them are."""
-    case_id, table = job.case.case_id, job.case.case.continue_tori
+    """How the branches of a case ended; the stage succeeds if all of them do."""
+    case_id, table = job.case_id, job.case.continue_tori
     if not groups and not job.should_stop():
         low, high = table.range
         where = f"{table.branch} has no Neimark-Sacker point with {table.parameter} in [{low:g}, {high:g}]"
@@ -90,12 +90,15 @@ def _result(job: Job, groups: list[str]) -> StageResult:
         )
         return StageResult(case_id, False, f"no tori to follow: {where}", advice)
     branches = [job.read(group, (table.parameter, "unstable_count")) for group in groups]
-    told: dict[str, Any] = {"branches": len(branches), "points": sum(branch.n_points for branch in branches)}
+    summary: dict[str, Any] = {
+        "branches": len(branches),
+        "points": sum(branch.n_points for branch in branches),
+    }
     counts = np.concatenate([branch["unstable_count"] for branch in branches]) if branches else np.zeros(0)
-    told["unstable points"] = int(np.sum(counts > 0))
+    summary["unstable points"] = int(np.sum(counts > 0))
     if undecided := int(np.sum(counts == UNDECIDED)):
-        told["undecided points"] = undecided
+        summary["undecided points"] = undecided
     reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
     advice = "; ".join(dict.fromkeys(filter(None, (b.attributes["stop_advice"] for b in branches))))
     ok = all(is_success(branch, COMPLETE) for branch in branches)
-    return StageResult(case_id, ok, ", ".join(reasons) or "stopped on request", advice, told)
+    return StageResult(case_id, ok, ", ".join(reasons) or "stopped on request", advice, summary)

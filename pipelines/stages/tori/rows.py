@@ -1,4 +1,4 @@
-"""Tori as rows of a store, and rows as the state from which a branch goes on."""
+"""Tori as rows of a store, and rows as the state that resumes a branch."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipelines.bifurcations.tori.circle_map import PeriodCircle
 from pipelines.bifurcations.tori.fourier import amplitudes, angles, resampled
 from pipelines.bifurcations.tori.problem import TorusUnknowns
 from pipelines.bifurcations.tori.torus import TorusPoint, TorusState
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import Branch, Resume
@@ -23,8 +23,6 @@ from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.stages.job import coordinates
 from pipelines.stages.parameter_columns import parameter_columns
-
-Array = NDArray[np.float64]
 
 UNDECIDED = -1  # number of unstable multipliers where growth rates do not tell it
 CURVE_ANGLES = 129  # of the stored curves of the masters, and at least as many for the extremes of a torus
@@ -47,13 +45,13 @@ def torus_sizes(machine: Machine, case: Case) -> dict[str, int]:
 
 
 def static_arrays(case: Case) -> dict[str, Any]:
-    """Coordinates of the group that are written once."""
+    """Coordinates of the group, written once."""
     return {"curve": angles(CURVE_ANGLES), **coordinates(case)}
 
 
 @dataclass(frozen=True)
 class TorusShape:
-    """A torus seen from outside, all displacements over clearance.
+    """A torus in engineering terms, all displacements over clearance.
 
     ``orbits``: what ``cycle_shape`` tells, of many orbits one after the other that cover the torus;
     ``section`` (CURVE_ANGLES, coordinates): the invariant curve at the start of a period;
@@ -67,7 +65,7 @@ class TorusShape:
 
 
 def torus_shape(machine: Machine, circle: PeriodCircle, at: TorusUnknowns) -> TorusShape:
-    """The shape of a torus from one pass from each of its angles, and one with half of the steps."""
+    """The shape of a torus from a pass from each of its angles, and one with half of the steps."""
     images, orbits = _passes(circle, at, circle.steps)
     count, samples, size = orbits.shape
     parameters, turns = circle.parameters_at(at.parameter), circle.period_map.turns
@@ -88,7 +86,7 @@ def torus_shape(machine: Machine, circle: PeriodCircle, at: TorusUnknowns) -> To
 
 
 def _between_angles(shape: CycleShape, count: int) -> CycleShape:
-    """The same with orbits between those from ``count`` angles, so that no extreme lies far from all."""
+    """The shape with orbits between those from ``count`` angles, so that no extreme is missed."""
     orbits, films = (
         resampled(values.reshape(count, -1, values.shape[1]), max(count, CURVE_ANGLES)).reshape(
             -1, values.shape[1]
@@ -112,8 +110,9 @@ def _passes(circle: PeriodCircle, at: TorusUnknowns, steps: int) -> tuple[Array,
 
 
 def _step_error(circle: PeriodCircle, at: TorusUnknowns, images: Array) -> float:
-    """With n and n/2 steps of order p: |x_n - x_{n/2}| / (2^p - 1).  NaN for an explicit stepper, whose steps
-    follow from stability.
+    """Error of the images with n steps of order p: |x_n - x_{n/2}| / (2^p - 1).
+
+    NaN for an explicit stepper, whose steps follow from stability.
     """
     stepper = circle.period_map.stepper
     if not isinstance(stepper, ImplicitStepper):
@@ -124,8 +123,9 @@ def _step_error(circle: PeriodCircle, at: TorusUnknowns, images: Array) -> float
 
 
 def whirl_turn(masters: Array, rotation: float) -> float:
-    """rho + 2 pi k [rad per period], k the integer for which the motion is strongest; ``masters``
-    (M, samples, coordinates) at the phases 2 pi s/S.
+    """The rotation rho + 2 pi k [rad per period], with the integer k for which the motion is strongest.
+
+    ``masters`` (M, samples, coordinates) at the phases 2 pi s/S.
 
     The first wave of the second angle is c(phase) exp(i theta) with c(2 pi) = exp(i rho) c(0), so that
     c exp(-i rho phase/2 pi) has a Fourier series, with a wave for every k.
@@ -139,7 +139,7 @@ def whirl_turn(masters: Array, rotation: float) -> float:
 
 
 class TorusRecorder:
-    """Writes every accepted torus of a branch, and stops the branch where a film is not physical any more.
+    """Writes every accepted torus of a branch, and stops the branch if a film is no longer physical.
 
     The shape of a torus is needed by both and computed once, in ``limit``, which the engine asks first.
     """
@@ -150,10 +150,10 @@ class TorusRecorder:
         circle: PeriodCircle,
         branch: Branch,
         case: Case,
-        told: Callable[[TorusPoint, TorusState], None],
+        report_point: Callable[[TorusPoint, TorusState], None],
     ) -> None:
         self._machine, self._circle, self._branch = machine, circle, branch
-        self._case, self._told = case, told
+        self._case, self._report_point = case, report_point
         self._shape: TorusShape | None = None
 
     def limit(self, point: TorusPoint) -> str | None:
@@ -162,11 +162,11 @@ class TorusRecorder:
         return unphysical(self._shape.orbits, self._case.continue_cycles.minimum_film)
 
     def record(self, point: TorusPoint, state: TorusState) -> None:
-        """Commit the torus that ``limit`` has just passed."""
+        """Commit the torus that ``limit`` has just accepted."""
         assert self._shape is not None
         row = point_row(self._case, self._circle, point, state, self._shape)
         self._branch.commit(row, _slots(state))
-        self._told(point, state)
+        self._report_point(point, state)
 
 
 def point_row(
@@ -203,7 +203,7 @@ def point_row(
 
 
 def _slots(state: TorusState) -> dict[str, Any]:
-    """What only the step after the newest point needs."""
+    """Data that only the step after the newest point needs."""
     return {
         "tangent": state.tangent_states,
         "tangent_rotation": state.tangent_rotation,

@@ -50,13 +50,13 @@ class TorusSource(Protocol):
 
     @property
     def beyond(self) -> str:
-        """What starts a branch beyond a resonance that ended it."""
+        """The advice for starting a branch beyond the resonance that ended it."""
 
     def attributes(self) -> dict[str, Any]:
-        """What the group says of the source."""
+        """The source as attributes of its group."""
 
     def problem(self, steps: int) -> TorusProblem:
-        """The tori of the branch with so many time steps in a period."""
+        """The tori of the branch with a given number of time steps in a period."""
 
     def starts(self, job: Job) -> Iterator[FirstTorus | NoStart]:
         """Guesses of the first torus, the cheapest first; tried in this order until one converges."""
@@ -90,7 +90,7 @@ class BornTori:
 
     def starts(self, job: Job) -> Iterator[FirstTorus | NoStart]:
         for factor in BORN_AMPLITUDES:
-            amplitude = factor * job.case.case.continue_tori.amplitude
+            amplitude = factor * job.case.continue_tori.amplitude
             born = torus_from_event(self.cycles, self.event, amplitude, self.fourier)
             if born is not None:
                 yield FirstTorus(born.problem, born.start, born.direction)
@@ -134,8 +134,9 @@ class UnbalancedTori:
         return TorusProblem(circle, self.cycles.options, self.fourier)
 
     def starts(self, job: Job) -> Iterator[FirstTorus | NoStart]:
-        """The balanced cycle, which Newton's method may take for the torus, or else the torus that grows out
-        of it with the unbalance.
+        """The balanced cycle, then the torus that grows out of it with the unbalance.
+
+        Newton's method may take the cycle for the torus.
         """
         watch = Guard(self._cycle_limit, job.should_stop)
         for found in first_cycles(self.machine, self.case, self.cycles, watch):
@@ -196,7 +197,7 @@ class UnbalancedTori:
 
 
 def _fixed(case: Case, parameter: str, values: np.ndarray) -> dict[str, float | None]:
-    """The parameters that a branch does not change."""
+    """The constant parameters of a branch."""
     named = parameter_attributes(case, values[: len(PARAMETERS)])
     return {name: value for name, value in named.items() if name != parameter}
 
@@ -223,13 +224,13 @@ def forced_cycles(machine: Machine, case: Case) -> tuple[Case, CycleProblem]:
 
 def born_tori(job: Job, origin: Origin, event: Event, turns: int) -> BornTori:
     """The tori of a case at a Neimark-Sacker point."""
-    case = job.case.case
+    case = job.case
     cycles = with_multiplied_period(forced_cycles(job.machine, case)[1], turns)
     return BornTori(case, origin, cycles, event, turns, fourier_options(case))
 
 
 def unbalanced_tori(job: Job, direction: int) -> UnbalancedTori:
     """The tori of a case around its cycle."""
-    along, cycles = forced_cycles(job.machine, job.case.case)
+    along, cycles = forced_cycles(job.machine, job.case)
     masses = unbalance_masses(along)
     return UnbalancedTori(job.machine, along, cycles, masses, direction, fourier_options(along))

@@ -1,7 +1,7 @@
-"""Runs in time into a store.
+"""Compute transients into a store.
 
 - transient: the stage
-- start: where a run starts
+- start: the initial condition
 - run: its request, drive, time steps and place in the store
-- analysis: what its samples tell
+- analysis: analysis of the samples
 """

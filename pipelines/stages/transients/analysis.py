@@ -1,4 +1,4 @@
-"""What the samples of a run in time tell, written beside the run when it has ended."""
+"""Analysis of the samples of a transient, written beside it when it has ended."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import TRANSIENT_ANALYSIS
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, local_name
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, with_stand_ins
 from pipelines.orbits.time_runs.classification import RETURNS, Classification, classify
@@ -22,7 +23,6 @@ from pipelines.orbits.time_runs.modal_energy import modal_energy, rotor_modes, s
 from pipelines.orbits.time_runs.poincare import Section, level_section, phase_section
 from pipelines.orbits.time_runs.spectrum import amplitude_spectrum, waterfall
 
-Array = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 
 KIND = TRANSIENT_ANALYSIS.kind
@@ -45,7 +45,10 @@ _SAME = 1e-12
 
 
 class TooShortError(Exception):
-    """A run does not give a part of its analysis; the message says why. ``arrays``: what it does give."""
+    """A transient is too short for a part of its analysis; the message says why.
+
+    ``arrays``: what it does give.
+    """
 
     def __init__(self, reason: str, arrays: Arrays | None = None) -> None:
         super().__init__(reason)
@@ -54,7 +57,7 @@ class TooShortError(Exception):
 
 @dataclass(frozen=True)
 class Samples:
-    """A run: samples ``interval`` apart, ``period`` the reference period.
+    """Samples of a transient, ``interval`` apart; ``period`` is the reference period.
 
     ``journal`` (samples, bearings, 2); ``ring_phase`` (samples,) grows without end.  From the sample
     ``steady`` on speed and displacement of the rings do not change (their number, where that is not so).
@@ -74,19 +77,20 @@ class Samples:
 
     @property
     def largest_frequency(self) -> float:
-        """Up to which spectra are stored."""
+        """Largest stored frequency of the spectra."""
         ring = self.ring_phase[1] - self.ring_phase[0] if self.rings_move.any() else 0.0
         return LARGEST_ORDER * max(float(self.speed.max()), float(ring) / self.interval)
 
     @property
     def samples_per_period(self) -> int:
-        """At least one."""
+        """Samples in a reference period, at least one."""
         return max(1, round(self.period / self.interval))
 
 
 def write_transient_analysis(store: Store, machine: Machine, run: str) -> str:
-    """Analyse an ended run, ``cases/CASE/transient/t000``, into the group of the same number in
-    ``transient_analysis``, whose name is returned; a group that is there already is left alone.
+    """Analyse an ended transient into its group of ``transient_analysis``, whose name is returned.
+
+    ``cases/CASE/transient/t000`` gives the group of equal number; an existing group is left alone.
 
     The attribute ``skipped`` says what the run did not give and why, ``energy_joules`` is the unit of energy.
     The samples are read at once: the million that a group may hold take about 1 GB.  Raises StoreError.
@@ -97,7 +101,7 @@ def write_transient_analysis(store: Store, machine: Machine, run: str) -> str:
     found = read_group(store, run, _NEEDED)
     arrays, skipped = analyse(samples_of(found), machine)
     attributes = {
-        "source": run.split("/", 2)[2],
+        "source": local_name(run),
         "skipped": skipped,
         "energy_joules": machine.scales.force * machine.scales.displacement,
     }
@@ -132,7 +136,7 @@ def samples_of(run: Group) -> Samples:
 
 
 def analyse(samples: Samples, machine: Machine) -> tuple[Arrays, dict[str, str]]:
-    """Arrays of the group, and why what is missing is missing, by part."""
+    """Arrays of the group, and by part why something is missing."""
     parts: Mapping[str, Callable[[], Arrays]] = {
         "envelope": lambda: _envelope(samples),
         "modal_energy": lambda: _energies(samples, machine),
@@ -154,7 +158,7 @@ def analyse(samples: Samples, machine: Machine) -> tuple[Arrays, dict[str, str]]
 
 
 def _windows(samples: Samples) -> int:
-    """Samples in a window: a few reference periods, more where there would be too many windows."""
+    """Number of samples in a window: a few reference periods, more if there would be too many windows."""
     periods = len(samples.time) // samples.samples_per_period
     if periods < 1:
         raise TooShortError("the run is shorter than one reference period")
@@ -183,8 +187,9 @@ def _envelope(samples: Samples) -> Arrays:
 
 
 def _energies(samples: Samples, machine: Machine) -> Arrays:
-    """Mean energies of every window; the mean over whole periods of the velocity's square is that of the
-    motion.
+    """Mean energies of every window.
+
+    The mean of the squared velocity over whole periods is that of the motion.
     """
     window = _windows(samples)
     _need_resolution(samples)
@@ -200,7 +205,7 @@ def _energies(samples: Samples, machine: Machine) -> Arrays:
 
 
 def _section(samples: Samples, by: str, begin: int) -> Section:
-    """Points once per turn of the rings or of the rotor, from a sample on; values: time, speed, journals."""
+    """Points once per turn of the rings or of the rotor from a given sample: time, speed, journals."""
     phase = (samples.ring_phase if by == "ring" else samples.angle)[begin:]
     journal = samples.journal.reshape(len(samples.time), -1)
     values = np.column_stack([samples.time, samples.speed, journal])[begin:]
@@ -226,7 +231,7 @@ def _stored_section(samples: Samples, by: str) -> Arrays:
 
 
 def _steady_end(samples: Samples, periods: int) -> int:
-    """Where the second half of the steady end of a run begins: the first half is left to settling."""
+    """Where the second half of the steady end of a run begins; the first half is for settling."""
     count = len(samples.time) - samples.steady
     if samples.steady and count < 2 * samples.samples_per_period:
         raise TooShortError("the speed or the rings change until the end of the run")
@@ -268,7 +273,7 @@ def _waterfall(samples: Samples) -> Arrays:
 
 
 def _motion(samples: Samples) -> Arrays:
-    """Kind of motion at the steady end with its evidence; the points are those of what drives the machine."""
+    """Kind of motion at the steady end with its evidence; points are taken once per period of the drive."""
     _need_resolution(samples)
     newest = len(samples.time) - MOST_POINTS * samples.samples_per_period
     begin = max(_steady_end(samples, 1), newest)

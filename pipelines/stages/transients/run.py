@@ -1,4 +1,4 @@
-"""From a case to a transient run: its request, its drive, its time steps, its place in the store."""
+"""Set up a transient from a case: its request, its drive, its time steps, its place in the store."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import Scales
 from pipelines.datasets.layout import LARGEST_ROWS
 from pipelines.datasets.reading import read_group
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector, with_stand_ins
 from pipelines.machine.extremes import FILM, LOW_PRESSURE, OBSERVED, machine_extremes
@@ -29,8 +29,6 @@ from pipelines.orbits.time_runs.transient import DrivenSystem, Plan, choose_step
 from pipelines.stages.parameter_columns import parameter_attributes
 from pipelines.stages.transients.start import CannotRunError, StartState, start_state
 
-Array = NDArray[np.float64]
-
 MOST_BLOCKS = 100_000
 _SAME_DISPLACEMENT = 1e-12
 # Relative: a speed copied with few digits, or a cycle that is disturbed a little on purpose.
@@ -41,7 +39,7 @@ _MEASURED_STEPS = 32
 
 @dataclass(frozen=True)
 class Run:
-    """A run as it will be computed.
+    """A transient to be computed.
 
     ``attributes`` are those of its group and hold all that a later process needs to go on without its start:
     ``start`` is None for a run that is in the store already and has a checkpoint.
@@ -60,8 +58,9 @@ class Run:
 
 
 def prepare_run(named: NamedCase, store: Store | None) -> Run:
-    """The run that a case asks for, new or to be gone on with; raises CannotRunError before anything is
-    computed.
+    """The transient that a case requests, new or to be resumed.
+
+    Raises CannotRunError before anything is computed.
     """
     case, machine = named.case, build_machine(named.case)
     request = request_of(case)
@@ -83,7 +82,7 @@ def prepare_run(named: NamedCase, store: Store | None) -> Run:
 
 
 def request_of(case: Case) -> dict[str, Any]:
-    """What makes a run another one: the tables [transient] and [unbalance]."""
+    """What distinguishes runs: the tables [transient] and [unbalance]."""
     unbalance = None if case.unbalance is None else case.unbalance.model_dump(mode="json")
     return {"transient": case.transient.model_dump(mode="json"), "unbalance": unbalance}
 
@@ -91,9 +90,9 @@ def request_of(case: Case) -> dict[str, Any]:
 def _place(
     named: NamedCase, store: Store | None, request: Mapping[str, Any]
 ) -> tuple[str, Mapping[str, Any] | None, bool]:
-    """The group with this request and its attributes, or the first free one; and whether it has begun."""
+    """The group with this request and its attributes, or the first free one, and whether it has begun."""
     for number in range(MOST_RUNS):
-        group = f"cases/{named.case_id}/transient/t{number:03d}"
+        group = case_group(named.case_id, f"transient/t{number:03d}")
         if store is None or not store.has_group(group):
             return group, None, False
         found = read_group(store, group, ())
@@ -126,7 +125,7 @@ def _limits(case: Case) -> Array:
 
 
 def _speed_table(case: Case, scales: Scales, own: float | None) -> tuple[list[float], list[float]]:
-    """Times and speeds, dimensionless; ``own`` is the speed without a table."""
+    """Times and speeds, dimensionless; ``own`` is the speed if there is no table."""
     table = case.transient
     if not table.times:
         return [0.0], [] if own is None else [own]
@@ -140,13 +139,13 @@ def _time(case: Case, scales: Scales, value: float) -> float:
 
 
 def _displacements(case: Case, own: float) -> tuple[float, float]:
-    """The rings' displacement before and after the switching."""
+    """The rings' displacement before and after switching."""
     mode = case.transient.excitation
     return (own if mode in ("on", "switch_off") else 0.0), (own if mode in ("on", "switch_on") else 0.0)
 
 
 def drive_of(case: Case, scales: Scales, parameters: Array, angle: float, ring_phase: float) -> Drive:
-    """The drive of a case's run; the parameters' speed is that of the start state."""
+    """The drive of a case's run, at the speed of the start state's parameters."""
     table, frequency = case.transient, float(parameters[film.EXCITATION_FREQUENCY])
     before, after = _displacements(case, float(parameters[film.DISPLACEMENT]))
     ramp = 2.0 * math.pi / frequency if table.switch_ramp is None else _time(case, scales, table.switch_ramp)
@@ -157,7 +156,7 @@ def drive_of(case: Case, scales: Scales, parameters: Array, angle: float, ring_p
 
 
 def _start(named: NamedCase, machine: Machine, store: Store | None) -> StartState:
-    """The start state, whose rings must be where the run begins."""
+    """The start state, whose rings must be in the position where the run begins."""
     case = named.case
     _, speeds = _speed_table(case, machine.scales, None)
     own = float(parameter_vector(case)[film.DISPLACEMENT])
@@ -224,8 +223,9 @@ def _new_attributes(
 
 
 def reference_period(drive: Drive, parameters: Array) -> float:
-    """The period of the rings, so that steps and samples repeat with them; that of the fastest rotation where
-    the rings rest.
+    """The period of the rings, so that steps and samples repeat with it.
+
+    If the rings rest, the period of the fastest rotation.
     """
     if drive.moves_rings():
         return 2.0 * math.pi / float(parameters[film.EXCITATION_FREQUENCY])
@@ -235,8 +235,9 @@ def reference_period(drive: Drive, parameters: Array) -> float:
 def _trial(
     case: Case, machine: Machine, drive: Drive, parameters: Array, start: StartState, period: float
 ) -> tuple[Drive, Array]:
-    """A reference period at the highest speed with the rings moving fully, from the equilibrium there: what
-    asks for most steps; from the start state, as the run has it, where there is no such equilibrium.
+    """The reference period that needs most steps: at the highest speed with the rings in full motion.
+
+    It starts from the equilibrium there, or from the start state of the run if there is none.
     """
     hardest = parameters.copy()
     hardest[film.SPEED] = drive.largest_speed()
@@ -273,14 +274,14 @@ def _plan(case: Case, drive: Drive, attributes: Mapping[str, Any]) -> Plan:
 
 @dataclass(frozen=True)
 class Outlook:
-    """Time steps that are left of a run, and how long they will take [s]."""
+    """Remaining time steps of a run, and their duration [s]."""
 
     steps: int
     seconds: float
 
 
 def outlook_of(run: Run, done: int = 0) -> Outlook:
-    """Measured on a few steps from the run's start, or from an equilibrium where it is already under way."""
+    """The outlook, measured on a few steps from the start or, for a run under way, from an equilibrium."""
     state = (
         run.start.state if run.start is not None else machine_equilibrium(run.machine, run.parameters).state
     )

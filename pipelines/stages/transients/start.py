@@ -1,4 +1,4 @@
-"""Where a transient run starts: an equilibrium, a stored cycle, a checkpoint of another run."""
+"""Initial condition of a transient: an equilibrium, a stored cycle, a checkpoint of another run."""
 
 from __future__ import annotations
 
@@ -6,19 +6,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import PARAMETERS
 from pipelines.case.transient_settings import EQUILIBRIUM
 from pipelines.datasets.reading import list_groups, read_group
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, case_group, local_name
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, parameter_vector, with_stand_ins
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.stages.parameter_columns import stored_parameters
-
-Array = NDArray[np.float64]
 
 
 class CannotRunError(Exception):
@@ -31,8 +29,10 @@ class CannotRunError(Exception):
 
 @dataclass(frozen=True)
 class StartState:
-    """``state`` (N,) with its four ``parameters``; their displacement is that of the excitation when it is
-    on, ``displacement`` the one of the rings in this state. Angles in rad.
+    """The initial state of a transient.
+
+    ``state`` (N,) with its four ``parameters``; their displacement is that of the excitation when it is
+    on, ``displacement`` that of the rings in this state. Angles in rad.
     """
 
     state: Array
@@ -45,8 +45,9 @@ class StartState:
 def start_state(
     named: NamedCase, machine: Machine, store: Store | None, speed: float | None, displacement: float
 ) -> StartState:
-    """The start that the case asks for; ``speed`` (None: the case's own) and ``displacement`` are those of an
-    equilibrium. Raises CannotRunError.
+    """The initial state that the case requests. Raises CannotRunError.
+
+    ``speed`` (None: the case's own) and ``displacement`` are those of an equilibrium.
     """
     table = named.case.transient
     if table.start == EQUILIBRIUM:
@@ -77,11 +78,11 @@ def _equilibrium(named: NamedCase, machine: Machine, speed: float | None, displa
 
 
 def _stored(named: NamedCase, store: Store | None, name: str) -> StartState:
-    """A row of a branch or a checkpoint of a run of the same case."""
-    group = f"cases/{named.case_id}/{name}"
+    """A row of a branch or a checkpoint of a transient of the same case."""
+    group = case_group(named.case_id, name)
     if store is None or not store.has_group(group):
         known = [] if store is None else list_groups(store, named.case_id)
-        own = [path.split("/", 2)[2] for path in known if "/cycles/" in path or "/transient/" in path]
+        own = [local_name(path) for path in known if "/cycles/" in path or "/transient/" in path]
         there = f"there are {', '.join(own)}" if own else "there is no branch and no run yet"
         raise CannotRunError(
             f"transient.start = {name}: the store has no such group for the case {named.case_id}; {there}",

@@ -1,4 +1,4 @@
-"""`agfb transient`: runs in time with changing speed, unbalance and switched excitation, block by block."""
+"""`agfb transient`: transients with changing speed, unbalance and switched excitation, block by block."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipelines.case.arrays import Array
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
-from pipelines.datasets.store import Store, open_for_reading, open_for_writing
+from pipelines.datasets.store import Store, local_name, open_for_reading, open_for_writing
 from pipelines.machine.extremes import FILM, HIGH_FOIL, HIGH_PRESSURE, LOW_FOIL, LOW_PRESSURE, OBSERVED
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.time_runs.transient import Block, Position, Status, advance, starting_position
@@ -24,13 +24,11 @@ from pipelines.stages.transients.analysis import write_transient_analysis
 from pipelines.stages.transients.run import Outlook, Run, outlook_of, prepare_run
 from pipelines.stages.transients.start import CannotRunError
 
-Array = NDArray[np.float64]
-
 __all__ = ["CannotRunError", "Outlook", "RunStop", "outlook", "transient"]
 
 
 class RunStop(Enum):
-    """Why a run ended, with the sentence that says what to change."""
+    """Why a run ended, with advice."""
 
     FINISHED = ("finished", "")
     TOUCH = (
@@ -52,22 +50,23 @@ class RunStop(Enum):
 
     @property
     def word(self) -> str:
-        """As the store has it."""
+        """The reason as named in the store."""
         return str(self.value[0])
 
     @property
     def advice(self) -> str:
-        """With room for the bearing, its value, the limit and the time."""
+        """The advice, with placeholders for the bearing, its value, the limit and the time."""
         return str(self.value[1])
 
 
-COMPLETE = frozenset({RunStop.FINISHED.word, RunStop.TOUCH.word, RunStop.VACUUM.word})
+SUCCESSFUL = frozenset({RunStop.FINISHED.word, RunStop.TOUCH.word, RunStop.VACUUM.word})
 
 
 def transient(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill a group ``transient/t000``, ... of a case: the one whose tables [transient] and [unbalance] are
-    these, or the next free one; resumes at the last checkpoint. What an ended run tells is written beside it,
-    into ``transient_analysis``.
+    """Fill a group ``transient/t000``, ... of a case; resumes at the last checkpoint.
+
+    The group whose tables [transient] and [unbalance] are these, or the next free one. The analysis of
+    an ended run is written beside it, into ``transient_analysis``.
     """
     store = open_for_writing(store_path)
     try:
@@ -85,7 +84,7 @@ def transient(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
 
 
 def outlook(case: NamedCase, store_path: Path | None) -> Outlook:
-    """What is left to do of a case's run, also without a store; computes a few steps and writes nothing.
+    """What is left of a case's run, also without a store; computes a few steps and writes nothing.
 
     Raises CannotRunError, and StoreError for a store that cannot be read.
     """
@@ -123,7 +122,7 @@ def _static(run: Run, case: NamedCase) -> dict[str, Any]:
 
 
 def _follow(run: Run, branch: BranchWriter, case_id: str, report: Report, should_stop: ShouldStop) -> None:
-    """Compute block after block from the last checkpoint, and commit each."""
+    """Compute block after block from the last checkpoint, and commit each one."""
     position = _position(run, branch)
     while position.step < run.plan.steps:
         if should_stop():
@@ -137,13 +136,13 @@ def _follow(run: Run, branch: BranchWriter, case_id: str, report: Report, should
             branch.finish(*_stop(run, block))
             return
         now = run.plan.time(position.step)
-        told = f"time {now:.6g}, speed {float(run.drive.speed(np.array(now))):.5g}"
-        report(Progress("transient", case_id, position.samples, run.plan.samples, told))
+        message = f"time {now:.6g}, speed {float(run.drive.speed(np.array(now))):.5g}"
+        report(Progress("transient", case_id, position.samples, run.plan.samples, message))
     branch.finish(RunStop.FINISHED.word)
 
 
 def _position(run: Run, branch: BranchWriter) -> Position:
-    """The last checkpoint; the start, which is committed first, where there is none."""
+    """The last checkpoint; without one the start, which is committed first."""
     newest = branch.newest_event()
     if newest is not None:
         state, running = newest["checkpoint_state"], newest["checkpoint_extremes"]
@@ -157,7 +156,7 @@ def _position(run: Run, branch: BranchWriter) -> Position:
 
 
 def _rows(run: Run, first: int, samples: Array, extremes: Array) -> Iterator[dict[str, Any]]:
-    """Rows of the group from the displacements of the masters and the extremes since the sample before."""
+    """Rows of the group from the displacements of the masters and the extremes since the previous sample."""
     times = np.minimum((first + np.arange(len(samples))) * run.plan.interval, run.drive.duration)
     speeds, angles = run.drive.speed(times), run.drive.angle(times)
     displacements = run.drive.displacement(times)
@@ -211,8 +210,8 @@ def _result(case: NamedCase, store: Store, group: str) -> StageResult:
     found = read_group(store, group, ("time", "speed", "minimum_film"))
     attributes = found.attributes
     reason = attributes["stop_reason"] or "stopped on request"
-    ok = attributes["status"] != ENDED or reason in COMPLETE
-    summary: dict[str, Any] = {"group": group.split("/", 2)[2], "samples": found.n_points}
+    ok = attributes["status"] != ENDED or reason in SUCCESSFUL
+    summary: dict[str, Any] = {"group": local_name(group), "samples": found.n_points}
     if found.n_points:
         summary |= {
             "time": float(found["time"][-1]),

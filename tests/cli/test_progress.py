@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agfb_cli.timing import CASES_SHOWN, seconds_spent, where_time_went
+from agfb_cli.progress import CASES_SHOWN, seconds_spent, where_time_went
 from pipelines.stages.results import StageResult
 
 
