@@ -3,8 +3,8 @@
 - shaft, condensation, condensation_check, condensation_error: finite-element rotor, its condensation, and
   how far that is off
 - rotor_modes, unbalance: linear vibrations of the rotor; the force of its unbalance
-- axial, film, film_force, lines: the gas film of one bearing and its force; sums over columns in vector
-  registers
+- axial, film, film_force: the gas film of one bearing and its force
+- lanes, plain_lanes, vector_lanes: sums over columns side by side, in vector registers where possible
 - ring, bearing, regrid: the active ring; a bearing with its unknowns; a state on another grid
 - kernels, rates, shifted, extremes: the compiled machine: signatures, rates and Jacobian action, implicit
   steps, extremes of the films

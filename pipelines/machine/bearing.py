@@ -78,7 +78,12 @@ class Bearing:
     @property
     def mean_weights(self) -> Array:
         """Weights of the axial mean over the stations with unknowns."""
-        return self.arrays[-self.settings.axial :]
+        return self.arrays[film.film_layout(self.integers).weights :]
+
+    @property
+    def directions(self) -> Array:
+        """Cosine and sine of theta at the padded nodes, shape (nodes + 2, 2)."""
+        return self.arrays[: film.film_layout(self.integers).second_derivative].reshape(2, -1).T
 
 
 def pack_bearing(settings: FilmSettings, offset: int = 0) -> Bearing:
@@ -174,7 +179,7 @@ def linearise_bearing(
         np.empty((FORCE_SCRATCH, nodes + 2)),
     )  # fmt: skip
     # h and dh/dtau at a padded station follow the journal with -(cos, sin)
-    trig = -local.arrays[: 2 * nodes + 4].reshape(2, nodes + 2).T
+    trig = -local.directions
     i = np.arange(nodes * stations) % nodes
     position = terms[film.THICKNESS_BEFORE][:, None] * trig[i]
     position += terms[film.THICKNESS_HERE][:, None] * trig[i + 1]

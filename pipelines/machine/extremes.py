@@ -6,7 +6,7 @@ import numpy as np
 
 from .film import FOIL, NODES, PRESSURE, STATIONS, film_geometry
 from .kernels import RATES, kernel
-from .rates import BEARINGS, JOURNAL, ROTOR_SIZE, ROTOR_STATE, bearing_views, film_workspace
+from .rates import BEARINGS, bearing_views, film_workspace, journal_coordinates
 
 # Observed values of bearing b lie at quantity * BEARINGS + b; largest values are kept as smallest negatives.
 FILM, LOW_PRESSURE, HIGH_PRESSURE, LOW_FOIL, HIGH_FOIL = range(5)
@@ -18,14 +18,11 @@ def machine_extremes(phase, state, parameters, constants, layout, work, out):  #
     """Smallest film thickness, pressure and foil displacement, largest pressure and foil displacement
     (negative), over clearance and ambient pressure, into ``out`` (OBSERVED,).
     """
-    size = layout[ROTOR_SIZE]
     for bearing in range(BEARINGS):
         integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
         nodes, rows = integers[NODES], integers[NODES] * integers[STATIONS]
         thickness, thickness_rate, _, scratch, _ = film_workspace(integers, work)
-        dof = layout[ROTOR_STATE] + layout[JOURNAL + bearing]
-        journal = (state[dof] / clearance, state[dof + 1] / clearance,
-                   state[dof + size] / clearance, state[dof + size + 1] / clearance)  # fmt: skip
+        journal = journal_coordinates(bearing, state, clearance, layout)
         film_geometry(
             phase, state, parameters, integers, scalars, arrays, journal,
             thickness, thickness_rate, scratch[0],

@@ -11,10 +11,18 @@ bearings differ):
 
 Arrays along theta carry one pad on either side, ``nodes + 2`` entries: the foil-edge line (p = 1, the foil
 unloaded) or, for a periodic film, the opposite end.  Pressures of a bearing are stored station by station:
-``p[j * nodes + i]``.
+``p[j * nodes + i]``.  Its constants lie one after another,
+
+    | scalars      | cosine    | sine      | second_derivative   | side     | weights  |
+      FILM_SCALARS   nodes + 2   nodes + 2   stations x stations   stations   stations
+
+and ``arrays`` are all but the scalars: cosine and sine of theta, d^2/dz^2 at the stations and what the side
+pressure adds to it, the weights of the axial mean.  ``film_layout`` has their offsets.
 """
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 from pipelines.machine.kernels import kernel
 
@@ -27,8 +35,7 @@ FULL, GUMBEL, SMOOTH = 0, 1, 2
 NODES, STATIONS, PERIODIC, CLIPPING, LOSS_FACTOR_DAMPING, PRESSURE, FOIL = range(7)
 FILM_INTEGERS = 7
 
-# Scalars of a bearing, followed by its arrays: cosine, sine (nodes + 2), second_derivative (stations^2),
-# side, weights.
+# Scalars of a bearing.
 (SPACING, MOBILITY, AXIAL_MOBILITY, CONVECTION_WEIGHT, LOSS_FACTOR, TIME_RATIO, STIFFNESS_RATIO, ABSOLUTE,
  SMOOTHING, RING_RADIUS, RING_RATIO, RING_AMPLITUDE, RING_PHASE) = range(13)  # fmt: skip
 FILM_SCALARS = 13
@@ -37,6 +44,25 @@ FILM_SCALARS = 13
 SPEED, EXCITATION_FREQUENCY, DISPLACEMENT, FOIL_STIFFNESS = range(4)
 # One entry more, where the excitation is being switched: d delta/d tau. A shorter vector stands for zero.
 DISPLACEMENT_RATE = 4
+
+
+class FilmLayout(NamedTuple):
+    """Where each of a bearing's arrays starts; the cosine does at zero."""
+
+    sine: Any
+    second_derivative: Any
+    side: Any
+    weights: Any
+
+
+@kernel()
+def film_layout(integers):
+    """The offsets of a bearing: views of all arrays, with their counts of references, would cost a twentieth
+    of the rates' time.
+    """
+    padded, stations = integers[NODES] + 2, integers[STATIONS]
+    side = 2 * padded + stations * stations
+    return FilmLayout(padded, 2 * padded, side, side + stations)
 
 
 @kernel(error_model="numpy")
@@ -62,10 +88,10 @@ def film_geometry(
     """Fill film thickness h (padded), dh/dtau and dq/dtau (nodes); ``journal`` = X, Y, dX/dtau, dY/dtau (Eq.
     3, 8).
     """
-    nodes, stations = integers[NODES], integers[STATIONS]
-    cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
+    nodes, stations, at = integers[NODES], integers[STATIONS], film_layout(integers)
+    cosine, sine = arrays[: at.sine], arrays[at.sine : at.second_derivative]
     inner_cosine, inner_sine, inner = cosine[1 : nodes + 1], sine[1 : nodes + 1], thickness[1 : nodes + 1]
-    weights = arrays[2 * nodes + 4 + stations * stations + stations :]
+    weights = arrays[at.weights :]
     foil = state[integers[FOIL] : integers[FOIL] + nodes]
     flexibility, relaxation = foil_coefficients(parameters, integers, scalars)
     foil_rate, thickness_rate = foil_rate[:nodes], thickness_rate[:nodes]
@@ -143,11 +169,10 @@ def _fill_faces(integers, scalars, thickness, scratch):
 @kernel(error_model="numpy")
 def _fill_curvature(station, padded, integers, arrays, out):
     """d^2P/dz^2 of a station at every node, from all stations and the side pressure."""
-    nodes, stations = integers[NODES], integers[STATIONS]
-    second = arrays[2 * nodes + 4 + station * stations :]
-    side = arrays[2 * nodes + 4 + stations * stations + station]
+    nodes, stations, at = integers[NODES], integers[STATIONS], film_layout(integers)
+    second = arrays[at.second_derivative + station * stations :]
     out = out[:nodes]
-    out[:] = side
+    out[:] = arrays[at.side + station]
     for other in range(stations):
         start = other * (nodes + 2) + 1
         pressure, weight = padded[start : start + nodes], second[other]
@@ -207,7 +232,7 @@ def film_derivatives(
     left_slope, right_slope = scratch[CONDUCTANCE_SLOPE], scratch[CONDUCTANCE_SLOPE, 1:]
     inverse, curvature, h_before, h_after = scratch[INVERSE], scratch[CURVATURE], thickness, thickness[2:]
     h, swell = thickness[1 : nodes + 1], thickness_rate[:nodes]
-    second = arrays[2 * nodes + 4 :]
+    second = arrays[film_layout(integers).second_derivative :]
     for j in range(stations):
         row = padded[j * (nodes + 2) : (j + 1) * (nodes + 2)]
         p, p_after = row[1:], row[2:]

@@ -33,7 +33,7 @@ import numpy as np
 
 from pipelines.machine.kernels import kernel
 
-from .film import CLIPPING, FULL, GUMBEL, NODES, PERIODIC, SMOOTHING, SPACING, STATIONS
+from .film import CLIPPING, FULL, GUMBEL, NODES, PERIODIC, SMOOTHING, SPACING, STATIONS, film_layout
 
 # Abscissae and weights of Gauss-Legendre quadrature on [0, 1], exact for r(u) cos: powers of x up to 18.
 _GAUSS_POINTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(10)[0]
@@ -334,8 +334,9 @@ def film_force(padded, integers, scalars, arrays, gradient, scratch):
     every pressure unless it is empty.  ``scratch`` (FORCE_SCRATCH, nodes + 2).
     """
     nodes, stations, wanted = integers[NODES], integers[STATIONS], gradient.shape[1] > 0
-    cosine, sine = arrays[: nodes + 2], arrays[nodes + 2 : 2 * nodes + 4]
-    weights = arrays[2 * nodes + 4 + stations * stations + stations :]
+    at = film_layout(integers)
+    cosine, sine = arrays[: at.sine], arrays[at.sine : at.second_derivative]
+    weights = arrays[at.weights :]
     scratch[BY_X], scratch[BY_Y] = 0.0, 0.0
     x, y = 0.0, 0.0
     for j in range(stations):

@@ -11,8 +11,8 @@ layout, work, out``.
 An implicit stepper also needs the shifted systems (I - shift J) x = b:
 
 ``FACTORISE``  fills ``factors`` (zeros before the first call) at a state; arguments ``phase, state,
-parameters, shift, constants, layout, work, factors``. ``SOLVE``  replaces b by x in ``lines``, a flat array
-with LINE columns row by row; arguments ``factors, constants, layout, work, lines``.
+parameters, shift, constants, layout, work, factors``. ``SOLVE``  replaces b by x in ``lanes``, a flat array
+with LANES columns row by row; arguments ``factors, constants, layout, work, lanes``.
 
 Decorate with ``@kernel(RATES)``: the explicit signature makes the compilation eager and the function usable
 as a first-class value of type ``RATES_POINTER`` in another compiled function, which is then cached as well.
@@ -27,6 +27,8 @@ from pathlib import Path
 from typing import Any
 
 from numba import njit, types
+
+from .lanes import PLAIN
 
 _VECTOR = types.float64[::1]
 _MATRIX = types.float64[:, ::1]
@@ -57,9 +59,11 @@ def kernel(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any
     def decorate(function: Callable[..., Any]) -> Any:
         compiled = njit(cache=True, **options)(function)
         cached = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-        if cached is not None and hasattr(cached, "_source_stamp"):
-            # internals of numba: where it has other ones, its own rule holds
+        if cached is not None and hasattr(cached, "_source_stamp") and hasattr(cached, "_version"):
+            # Internals of numba: where it has other ones, its own rule holds.  The version is compared before
+            # the rest is read, which fails where types of arguments, such as named tuples, are gone.
             cached._source_stamp = source_digest()
+            cached._version = f"{cached._version} {source_digest()}"
         if signature is not None and hasattr(compiled, "compile"):  # a plain function with NUMBA_DISABLE_JIT
             compiled.compile(signature)
             compiled.disable_compile()
@@ -70,8 +74,8 @@ def kernel(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any
 
 @cache
 def source_digest() -> str:
-    """A hash of all files that hold kernels, or constants of theirs."""
-    digest = hashlib.sha256()
+    """A hash of all files that hold kernels, or constants of theirs, and of the lanes that these take."""
+    digest = hashlib.sha256(b"plain" if PLAIN else b"vector")
     for path in sorted(path for package in _PACKAGES for path in package.rglob("*.py")):
         content = path.read_bytes()
         if b"kernel" in content or b"numba" in content:

@@ -8,9 +8,22 @@ where they are kept:
     dv/dtau = -M^-1 K x - M^-1 (C + Omega G) v + M^-1 F + g                                           (Eq. 12)
 
 Journal coordinates of a bearing are in units of its own clearance.
+
+Integers and constants of the machine, with n = ROTOR_SIZE (see ``film`` for those of a bearing):
+
+    layout    | ROTOR_STATE ... FILM_CONSTANTS (7) | bearing 1 (FILM_INTEGERS) | bearing 2 (the same)
+    constants | clearance, scalars, arrays of bearing 1 | the same of bearing 2 | rotor
+    rotor     | M^-1 K (n, n) | M^-1 C (n, n) | M^-1 G (n, n) | M^-1 at the journals (n, 4) | gravity (n)
+
+The tangent sweeps a block in chunks of LANES columns, each copied into one flat array. Rows of a chunk:
+
+    | pressures        | foil  | dX, dY, dX', dY' | dh        | d(dh/dtau) |
+      stations * nodes   nodes   4                  nodes + 2   nodes
 """
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,15 +46,16 @@ from .film import (
     THICKNESS_RATE,
     film_derivatives,
     film_geometry,
+    film_layout,
     film_rates,
     foil_coefficients,
     pad_pressure,
 )
 from .film_force import FORCE_SCRATCH, film_force
 from .kernels import RATES, TANGENT, kernel
-from .lines import LINE, add_line, fold_line, set_line
+from .lanes import LANES, accumulate_lanes, add_lanes, set_lanes
 
-# Integers of the machine, followed by FILM_INTEGERS for each bearing.
+# Integers of the machine.
 ROTOR_STATE, ROTOR_SIZE, ROTOR_CONSTANTS, JOURNAL, FILM_CONSTANTS = 0, 1, 2, 3, 5
 MACHINE_INTEGERS = 7
 BEARINGS = 2
@@ -56,6 +70,14 @@ def bearing_views(bearing, constants, layout):
     offset = layout[FILM_CONSTANTS + bearing]
     scalars = constants[offset + 1 : offset + 1 + FILM_SCALARS]
     return integers, scalars, constants[offset + 1 + FILM_SCALARS :], constants[offset]
+
+
+@kernel()
+def journal_coordinates(bearing, state, clearance, layout):
+    """X, Y, dX/dtau, dY/dtau of a journal in units of its clearance."""
+    dof, size = layout[ROTOR_STATE] + layout[JOURNAL + bearing], layout[ROTOR_SIZE]
+    return (state[dof] / clearance, state[dof + 1] / clearance,
+            state[dof + size] / clearance, state[dof + size + 1] / clearance)  # fmt: skip
 
 
 @kernel()
@@ -81,25 +103,16 @@ def bearing_rates(phase, state, parameters, bearing, constants, layout, work, ou
     """
     integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
     thickness, thickness_rate, padded, scratch, force_scratch = film_workspace(integers, work)
-    dof, size = layout[ROTOR_STATE] + layout[JOURNAL + bearing], layout[ROTOR_SIZE]
-    journal = (state[dof] / clearance, state[dof + 1] / clearance,
-               state[dof + size] / clearance, state[dof + size + 1] / clearance)  # fmt: skip
+    journal = journal_coordinates(bearing, state, clearance, layout)
     film_geometry(
         phase, state, parameters, integers, scalars, arrays, journal,
         thickness, thickness_rate, out[integers[FOIL] :],
     )  # fmt: skip
     pad_pressure(state[integers[PRESSURE] :], integers, padded)
     film_rates(
-        padded,
-        parameters,
-        integers,
-        scalars,
-        arrays,
-        thickness,
-        thickness_rate,
-        out[integers[PRESSURE] :],
+        padded, parameters, integers, scalars, arrays, thickness, thickness_rate, out[integers[PRESSURE] :],
         scratch,
-    )
+    )  # fmt: skip
     return film_force(padded, integers, scalars, arrays, gradient, force_scratch)
 
 
@@ -152,87 +165,100 @@ def linearise_bearing(phase, state, parameters, bearing, constants, layout, work
     )  # fmt: skip
 
 
-# The tangent sweeps a block in chunks of columns, copied line by line into one flat array: a line holds one
-# row of the chunk.  Offsets are unsigned, as ``lines`` asks for.
+# Offsets into the rows of a chunk are unsigned, as ``lanes`` asks for.
+
+
+class ChunkRows(NamedTuple):
+    """Where the rows of foil, journal, dh and d(dh/dtau) start in a chunk; the pressures start at zero."""
+
+    foil: Any
+    journal: Any
+    slope: Any
+    slope_rate: Any
 
 
 @kernel()
-def gather_lines(block, first, width, row, rows, lines):
-    """Copy ``rows`` rows of the columns ``first : first + width`` to lines, zeros beyond the width."""
-    if width == LINE:
+def chunk_rows(integers):
+    """The offsets of a bearing's chunks."""
+    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
+    foil = stations * nodes * w
+    journal = foil + nodes * w
+    slope = journal + UNSIGNED(4) * w
+    return ChunkRows(foil, journal, slope, slope + (nodes + UNSIGNED(2)) * w)
+
+
+@kernel()
+def gather_lanes(block, first, width, row, rows, lanes):
+    """Copy ``rows`` rows of the columns ``first : first + width``, zeros beyond the width."""
+    if width == LANES:
         values, columns = block.reshape(block.size), UNSIGNED(block.shape[1])
         source = UNSIGNED(row) * columns + UNSIGNED(first)
         for i in range(UNSIGNED(rows)):
-            set_line(lines, i * UNSIGNED(LINE), (1.0,), values, (source + i * columns,))
+            set_lanes(lanes, i * UNSIGNED(LANES), (1.0,), values, (source + i * columns,))
         return
     for i in range(rows):
         for c in range(width):
-            lines[i * LINE + c] = block[row + i, first + c]
-        for c in range(width, LINE):
-            lines[i * LINE + c] = 0.0
+            lanes[i * LANES + c] = block[row + i, first + c]
+        for c in range(width, LANES):
+            lanes[i * LANES + c] = 0.0
 
 
 @kernel()
-def scatter_lines(lines, first, width, row, rows, block):
-    """Copy lines back to rows of a block."""
-    if width == LINE:
+def scatter_lanes(lanes, first, width, row, rows, block):
+    """Copy rows of lanes back to a block."""
+    if width == LANES:
         values, columns = block.reshape(block.size), UNSIGNED(block.shape[1])
         to = UNSIGNED(row) * columns + UNSIGNED(first)
         for i in range(UNSIGNED(rows)):
-            set_line(values, to + i * columns, (1.0,), lines, (i * UNSIGNED(LINE),))
+            set_lanes(values, to + i * columns, (1.0,), lanes, (i * UNSIGNED(LANES),))
         return
     for i in range(rows):
         for c in range(width):
-            block[row + i, first + c] = lines[i * LINE + c]
+            block[row + i, first + c] = lanes[i * LANES + c]
 
 
 @kernel(error_model="numpy")
-def foil_lines(lines, parameters, integers, scalars, arrays, clearance, out):
-    """Foil rows of J, and dh and d(dh/dtau) for the film rows.
-
-    Lines of a chunk: the bearing's pressures and foil displacements, the journal's dX, dY and their rates (in
-    the machine's displacement unit), then room for dh (nodes + 2) and d(dh/dtau) (nodes).
+def foil_lanes(lanes, parameters, integers, scalars, arrays, clearance, out):
+    """Foil rows of J, and dh and d(dh/dtau) for the film rows; the journal's rows of a chunk are in the
+    machine's displacement unit.
     """
-    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LINE)
+    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
     flexibility, relaxation = foil_coefficients(parameters, integers, scalars)
-    weights = arrays[2 * integers[NODES] + 4 + integers[STATIONS] * (integers[STATIONS] + 1) :]
-    scale, foil = 1.0 / clearance, stations * nodes * w
-    journal = foil + nodes * w
-    slope = journal + UNSIGNED(4) * w
-    slope_rate = slope + (nodes + UNSIGNED(2)) * w
+    at, scale = film_layout(integers), 1.0 / clearance
+    sines, weights = UNSIGNED(at.sine), arrays[at.weights :]
+    foil, journal, slope, slope_rate = chunk_rows(integers)
     x, y, x_rate, y_rate = journal, journal + w, journal + w + w, journal + w + w + w
     for k in range(nodes + UNSIGNED(2)):
         # dh = -dX cos - dY sin + dq
-        cosine, sine = arrays[k] * scale, arrays[nodes + UNSIGNED(2) + k] * scale
+        cosine, sine = arrays[k] * scale, arrays[sines + k] * scale
         to = slope + k * w
         if k == 0 or k > nodes:
-            set_line(lines, to, (-cosine, -sine), lines, (x, y))
+            set_lanes(lanes, to, (-cosine, -sine), lanes, (x, y))
         else:
-            set_line(lines, to, (-cosine, -sine, 1.0), lines, (x, y, foil + (k - UNSIGNED(1)) * w))
+            set_lanes(lanes, to, (-cosine, -sine, 1.0), lanes, (x, y, foil + (k - UNSIGNED(1)) * w))
     for i in range(nodes):
         # d(dq/dtau) = -r dq + a dp_m,   d(dh/dtau) = d(dq/dtau) - d(dX/dtau) cos - d(dY/dtau) sin
-        cosine, sine = arrays[i + UNSIGNED(1)] * scale, arrays[nodes + UNSIGNED(3) + i] * scale
+        cosine, sine = arrays[i + UNSIGNED(1)] * scale, arrays[sines + i + UNSIGNED(1)] * scale
         here, rate = foil + i * w, slope_rate + i * w
-        set_line(out, here, (-relaxation,), lines, (here,))
+        set_lanes(out, here, (-relaxation,), lanes, (here,))
         for j in range(stations):
-            add_line(out, here, flexibility * weights[j], lines, (j * nodes + i) * w)
-        set_line(lines, rate, (-cosine, -sine), lines, (x_rate, y_rate))
-        add_line(lines, rate, 1.0, out, here)
+            add_lanes(out, here, flexibility * weights[j], lanes, (j * nodes + i) * w)
+        set_lanes(lanes, rate, (-cosine, -sine), lanes, (x_rate, y_rate))
+        add_lanes(lanes, rate, 1.0, out, here)
     if integers[PERIODIC] == 1:
         last = slope + nodes * w
-        set_line(lines, slope, (1.0,), lines, (last,))
-        set_line(lines, last + w, (1.0,), lines, (slope + w,))
+        set_lanes(lanes, slope, (1.0,), lanes, (last,))
+        set_lanes(lanes, last + w, (1.0,), lanes, (slope + w,))
 
 
 @kernel(error_model="numpy")
-def film_lines(lines, terms, integers, out):
-    """Film rows of J from the lines that ``foil_lines`` has completed; ``terms`` as in
+def film_lanes(lanes, terms, integers, out):
+    """Film rows of J from the rows that ``foil_lanes`` has completed; ``terms`` as in
     ``film.film_derivatives``.
     """
-    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LINE)
+    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
     one, step = UNSIGNED(1), nodes * w
-    slope = (stations * nodes + nodes + UNSIGNED(4)) * w
-    slope_rate = slope + (nodes + UNSIGNED(2)) * w
+    _, _, slope, slope_rate = chunk_rows(integers)
     periodic = integers[PERIODIC] == 1
     for j in range(stations):
         for i in range(nodes):
@@ -248,19 +274,19 @@ def film_lines(lines, terms, integers, out):
                 terms[THICKNESS_BEFORE, row], terms[THICKNESS_HERE, row], terms[THICKNESS_AFTER, row],
                 terms[THICKNESS_RATE, row], before, after,
             )  # fmt: skip
-            set_line(out, to, factors, lines, (dh, dh + w, dh + w + w, rate, left, right))
+            set_lanes(out, to, factors, lanes, (dh, dh + w, dh + w + w, rate, left, right))
             for other in range(stations):
-                add_line(out, to, terms[UNSIGNED(HERE) + other, row], lines, station + other * step)
+                add_lanes(out, to, terms[UNSIGNED(HERE) + other, row], lanes, station + other * step)
 
 
 @kernel(error_model="numpy")
-def force_lines(lines, gradient, force):
-    """Lines dF_x and dF_y of a bearing into ``force`` (2 lines); ``lines`` begins with its pressures."""
-    rows, w = UNSIGNED(gradient.shape[1]), UNSIGNED(LINE)
+def force_lanes(lanes, gradient, force):
+    """Rows dF_x and dF_y of a bearing into ``force``; ``lanes`` begins with its pressures."""
+    rows, w = UNSIGNED(gradient.shape[1]), UNSIGNED(LANES)
     flat = gradient.reshape(UNSIGNED(2) * rows)
     force[:] = 0.0
     for k in range(UNSIGNED(2)):
-        fold_line(force, k * w, force, k * w, flat, k * rows, lines, UNSIGNED(0), w, rows)
+        accumulate_lanes(force, k * w, force, k * w, flat, k * rows, lanes, UNSIGNED(0), w, rows)
 
 
 @kernel()
@@ -272,7 +298,7 @@ def add_force(force, first, width, bearing, constants, layout, out):
     for row in range(size):
         x, y = influence[row, 2 * bearing], influence[row, 2 * bearing + 1]
         for c in range(width):
-            out[to + row, first + c] += x * force[c] + y * force[LINE + c]
+            out[to + row, first + c] += x * force[c] + y * force[LANES + c]
 
 
 @kernel()
@@ -293,13 +319,13 @@ def rotor_tangent(block, speed, constants, layout, out):
 
 @kernel()
 def tangent_workspace(nodes, stations, work):
-    """Split scratch space into terms, force gradient, lines, their image, force lines, and the rest."""
+    """Split scratch space into terms, force gradient, a chunk, its image, rows of the force, and the rest."""
     rows = nodes * stations
     a = rows * (HERE + stations)
     b = a + rows * 2
-    c = b + (rows + 3 * nodes + 6) * LINE
-    d = c + (rows + nodes) * LINE
-    e = d + 2 * LINE
+    c = b + (rows + 3 * nodes + 6) * LANES
+    d = c + (rows + nodes) * LANES
+    e = d + 2 * LANES
     return (
         work[:a].reshape(HERE + stations, rows),
         work[a:b].reshape(2, rows),
@@ -319,19 +345,19 @@ def machine_tangent(phase, state, block, parameters, constants, layout, work, ou
         integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
         unknowns = integers[NODES] * (integers[STATIONS] + 1)
         journal, row = start + layout[JOURNAL + bearing], integers[PRESSURE]
-        terms, gradient, lines, image, force, scratch = tangent_workspace(
+        terms, gradient, lanes, image, force, scratch = tangent_workspace(
             integers[NODES], integers[STATIONS], work
         )
         linearise_bearing(phase, state, parameters, bearing, constants, layout, scratch, terms, gradient)
-        for first in range(0, columns, LINE):
-            width = min(LINE, columns - first)
-            gather_lines(block, first, width, row, unknowns, lines)
-            gather_lines(block, first, width, journal, 2, lines[unknowns * LINE :])
-            gather_lines(block, first, width, journal + size, 2, lines[(unknowns + 2) * LINE :])
-            foil_lines(lines, parameters, integers, scalars, arrays, clearance, image)
-            film_lines(lines, terms, integers, image)
-            scatter_lines(image, first, width, row, unknowns, out)
-            force_lines(lines, gradient, force)
+        for first in range(0, columns, LANES):
+            width = min(LANES, columns - first)
+            gather_lanes(block, first, width, row, unknowns, lanes)
+            gather_lanes(block, first, width, journal, 2, lanes[unknowns * LANES :])
+            gather_lanes(block, first, width, journal + size, 2, lanes[(unknowns + 2) * LANES :])
+            foil_lanes(lanes, parameters, integers, scalars, arrays, clearance, image)
+            film_lanes(lanes, terms, integers, image)
+            scatter_lanes(image, first, width, row, unknowns, out)
+            force_lanes(lanes, gradient, force)
             add_force(force, first, width, bearing, constants, layout, out)
 
 
@@ -344,5 +370,5 @@ def workspace_size(state_size: int, nodes: int, stations: int) -> int:
     """Scratch doubles that ``machine_rates`` and ``machine_tangent`` need for such a bearing."""
     film = film_workspace_size(nodes, stations)
     rows = nodes * stations
-    lines = (2 * rows + 4 * nodes + 8) * LINE
-    return rows * (HERE + stations + 2) + lines + state_size + film + BEARINGS * 2
+    chunk = (2 * rows + 4 * nodes + 8) * LANES
+    return rows * (HERE + stations + 2) + chunk + state_size + film + BEARINGS * 2

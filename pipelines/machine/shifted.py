@@ -1,4 +1,4 @@
-"""The linear systems of an implicit step, (I - shift J) x = b, factored once and solved for lines of columns.
+"""The linear systems of an implicit step, (I - shift J) x = b, factored once and solved for lanes of columns.
 
 J is the Jacobian of ``rates``.  Pressures of one axial line couple to the neighbouring lines only, foil
 displacements to the pressures at their own angle, and the two films to the rotor only through the journals:
@@ -17,10 +17,18 @@ displacements to the pressures at their own angle, and the two films to the roto
 
     and F = F^ + Y (dX, dY, dX', dY') closes a 4 x 4 system.
 
-The cost is linear in the number of lines along theta.  A line of eight columns costs as much as one column.
+The cost is linear in the number of lines along theta.  LANES columns cost as much as one.
+
+The factors lie one after another, with m stations, r = nodes * m rows and n = ROTOR_SIZE:
+
+    bearing 1 | foil (1 + m) | right (r, 3) | blocks (5, nodes, m, m) | journal (r, LANES) | force (2, r)
+    bearing 2 | the same
+    rotor     | header (2) | inverse (n, n) | flexible (n, n) | compliance (n, 4) | closing (3, 4, 4)
 """
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,10 +45,11 @@ from .film import (
     THICKNESS_BEFORE,
     THICKNESS_HERE,
     THICKNESS_RATE,
+    film_layout,
     foil_coefficients,
 )
 from .kernels import FACTORISE, SOLVE, kernel
-from .lines import LINE, fold_line, set_line
+from .lanes import LANES, accumulate_lanes, set_lanes
 from .rates import (
     BEARINGS,
     JOURNAL,
@@ -49,7 +58,7 @@ from .rates import (
     UNSIGNED,
     bearing_views,
     film_workspace_size,
-    force_lines,
+    force_lanes,
     linearise_bearing,
     rotor_views,
 )
@@ -59,23 +68,36 @@ FORCES = 2 * BEARINGS
 _HEADER = 2  # shift and speed for which the rotor's inverse stands
 
 
-@kernel()
-def _film_views(integers, start, factors):
-    """Pieces of the factors of one bearing from ``start``, and where they end.
+class FilmFactors(NamedTuple):
+    """Factors of one bearing, and where they end.
 
-    foil (1 + stations): 1/(1 + shift r), then c times the weights of the axial mean; ``right`` (rows, 3):
-    what b_q of the neighbouring angles adds to b; ``lower`` -M, ``inverse`` D^-1, ``upper`` -D^-1 U,
-    ``column`` -T, ``row`` -W (nodes, stations, stations); ``journal`` Z (rows, LINE), four columns used;
-    ``force`` (2, rows): derivative of the force with p.
+    ``foil``: 1/(1 + shift r), then c times the weights of the axial mean; ``right``: what b_q of the
+    neighbouring angles adds to b; ``blocks``: LOWER -M, INVERSE D^-1, UPPER -D^-1 U, COLUMN -T, ROW -W;
+    ``journal``: Z, flat, four columns used; ``force``: derivative of the force with p.
     """
+
+    foil: Any
+    right: Any
+    blocks: Any
+    journal: Any
+    force: Any
+    end: Any
+
+
+LOWER, INVERSE, UPPER, COLUMN, ROW = range(5)
+
+
+@kernel()
+def _film_factors(integers, start, factors):
+    """Views of the factors of one bearing from ``start``."""
     nodes, stations = integers[NODES], integers[STATIONS]
     rows, block = nodes * stations, nodes * stations * stations
     a = start + 1 + stations
     b = a + 3 * rows
     c = b + 5 * block
-    d = c + rows * LINE
+    d = c + rows * LANES
     e = d + 2 * rows
-    return (
+    return FilmFactors(
         factors[start:a],
         factors[a:b].reshape(rows, 3),
         factors[b:c].reshape(5, nodes, stations, stations),
@@ -85,19 +107,26 @@ def _film_views(integers, start, factors):
     )
 
 
-LOWER, INVERSE, UPPER, COLUMN, ROW = range(5)  # of the blocks above
+class RotorFactors(NamedTuple):
+    """Shift and speed of the matrices; S^-1; -shift S^-1 M^-1 K; shift S^-1 M^-1 at the journals; and the
+    closing 4 x 4 matrices: force response to the journals' displacements, to their velocities, the inverse.
+    """
+
+    header: Any
+    inverse: Any
+    flexible: Any
+    compliance: Any
+    closing: Any
 
 
 @kernel()
-def _closing_views(size, start, factors):
-    """S^-1, -shift S^-1 M^-1 K (size, size), shift S^-1 M^-1 at the journals (size, 4), and the closing 4 x 4
-    matrices: force response to the journals' displacements, to their velocities, and the inverse.
-    """
+def _rotor_factors(size, start, factors):
+    """Views of the factors of the rotor from ``start``."""
     a = start + _HEADER
     b = a + size * size
     c = b + size * size
     d = c + FORCES * size
-    return (
+    return RotorFactors(
         factors[start:a],
         factors[a:b].reshape(size, size),
         factors[b:c].reshape(size, size),
@@ -108,15 +137,15 @@ def _closing_views(size, start, factors):
 
 def factors_size(rotor_size: int, grids: list[tuple[int, int]]) -> int:
     """Doubles that the factors of bearings with (nodes, stations) on a rotor of that size need."""
-    films = sum(1 + stations + nodes * stations * (3 + 5 * stations + LINE + 2) for nodes, stations in grids)
+    films = sum(1 + stations + nodes * stations * (3 + 5 * stations + LANES + 2) for nodes, stations in grids)
     return films + _HEADER + 2 * rotor_size**2 + FORCES * rotor_size + 3 * FORCES**2
 
 
 def workspace_size(state_size: int, rotor_size: int, nodes: int, stations: int) -> int:
     """Scratch doubles that ``machine_factorise`` and ``machine_solve`` need for such a bearing."""
     scratch = max(state_size + film_workspace_size(nodes, stations), 8 * stations**2)
-    factorise = FORCES * (LINE + FORCES) + nodes * stations * (HERE + stations) + scratch
-    return max(factorise, (FORCES + max(stations, rotor_size + FORCES)) * LINE)
+    factorise = FORCES * (LANES + FORCES) + nodes * stations * (HERE + stations) + scratch
+    return max(factorise, (FORCES + max(stations, rotor_size + FORCES)) * LANES)
 
 
 @kernel(error_model="numpy", inline="always")
@@ -243,11 +272,11 @@ def _eliminate(terms, shift, foil, integers, work, blocks):
 
 
 @kernel(error_model="numpy")
-def _solve_film(blocks, integers, work, lines):
-    """Pressures of a bearing with its foil eliminated and its journal at rest, in place; ``lines`` starts
-    with the pressures, ``work`` holds ``stations`` lines.
+def _solve_film(blocks, integers, work, lanes):
+    """Pressures of a bearing with its foil eliminated and its journal at rest, in place; ``lanes`` starts
+    with the pressures, ``work`` holds ``stations`` rows of lanes.
     """
-    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LINE)
+    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
     one, block, step = UNSIGNED(1), stations * stations, nodes * w
     periodic = integers[PERIODIC] == 1
     last = (nodes - one) * w
@@ -260,107 +289,104 @@ def _solve_film(blocks, integers, work, lines):
         for j in range(stations):
             of, to = i * block + j * stations, here + j * step
             if i > 0:  # b_i <- b_i - M_i b_{i-1}
-                fold_line(lines, to, lines, to, lower, of, lines, here - w, step, stations)
+                accumulate_lanes(lanes, to, lanes, to, lower, of, lanes, here - w, step, stations)
         if periodic:  # b_last <- b_last - W_i b_i
             for j in range(stations):
                 of, to = i * block + j * stations, last + j * step
-                fold_line(lines, to, lines, to, row, of, lines, here, step, stations)
+                accumulate_lanes(lanes, to, lanes, to, row, of, lanes, here, step, stations)
     for back in range(nodes):
         node = nodes - one - back
         here = node * w
         for j in range(stations):
-            set_line(work, j * w, (1.0,), lines, (here + j * step,))
-            set_line(lines, here + j * step, (0.0,), work, (j * w,))
+            set_lanes(work, j * w, (1.0,), lanes, (here + j * step,))
+            set_lanes(lanes, here + j * step, (0.0,), work, (j * w,))
         for j in range(stations):
             # x_i = D_i^-1 b_i - (D_i^-1 U_i) x_{i+1} - T_i x_last
             of, to = node * block + j * stations, here + j * step
-            fold_line(lines, to, lines, to, inverse, of, work, UNSIGNED(0), w, stations)
+            accumulate_lanes(lanes, to, lanes, to, inverse, of, work, UNSIGNED(0), w, stations)
             if node + one < count:
-                fold_line(lines, to, lines, to, upper, of, lines, here + w, step, stations)
+                accumulate_lanes(lanes, to, lanes, to, upper, of, lanes, here + w, step, stations)
             if periodic and node < count:
-                fold_line(lines, to, lines, to, column, of, lines, last, step, stations)
+                accumulate_lanes(lanes, to, lanes, to, column, of, lanes, last, step, stations)
 
 
 @kernel(error_model="numpy")
-def _solve_bearing(views, integers, work, lines, force):
-    """Pressures and gas force (2 lines) of a bearing whose journal is at rest; foil displacements are left at
+def _solve_bearing(factors, integers, work, lanes, force):
+    """Pressures and gas force (2 rows) of a bearing whose journal is at rest; foil displacements are left at
     b_q / (1 + shift r).
     """
-    foil, right, blocks, _, gradient, _ = views
-    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LINE)
+    foil, right = factors.foil, factors.right
+    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
     one, displacement = UNSIGNED(1), stations * nodes * w
     for i in range(nodes):
-        set_line(lines, displacement + i * w, (foil[0],), lines, (displacement + i * w,))
+        set_lanes(lanes, displacement + i * w, (foil[0],), lanes, (displacement + i * w,))
     for j in range(stations):
         for i in range(nodes):
             r, here = j * nodes + i, displacement + i * w
             # the factor of a neighbour that is not there is zero
             before = here - w if i > 0 else here + (nodes - one) * w
             after = here + w if i + one < nodes else displacement
-            factors = (1.0, right[r, 0], right[r, 1], right[r, 2])
-            set_line(lines, r * w, factors, lines, (r * w, before, here, after))
-    _solve_film(blocks, integers, work, lines)
-    force_lines(lines, gradient, force)
+            weights = (1.0, right[r, 0], right[r, 1], right[r, 2])
+            set_lanes(lanes, r * w, weights, lanes, (r * w, before, here, after))
+    _solve_film(factors.blocks, integers, work, lanes)
+    force_lanes(lanes, factors.force, force)
 
 
 @kernel(error_model="numpy")
-def _move_journal(views, integers, journal, lines):
-    """Add what the journal's motion (4 lines) does to the pressures, then the pressures' part of the foil
+def _move_journal(factors, integers, journal, lanes):
+    """Add what the journal's motion (4 rows) does to the pressures, then the pressures' part of the foil
     displacements.
     """
-    foil, _, _, through_journal, _, _ = views
-    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LINE)
+    foil, through_journal = factors.foil, factors.journal
+    nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
     one, four, displacement = UNSIGNED(1), UNSIGNED(JOURNAL_COORDINATES), stations * nodes * w
     for r in range(stations * nodes):
-        fold_line(lines, r * w, lines, r * w, through_journal, r * w, journal, UNSIGNED(0), w, four)
+        accumulate_lanes(lanes, r * w, lanes, r * w, through_journal, r * w, journal, UNSIGNED(0), w, four)
     for i in range(nodes):
         to = displacement + i * w
-        fold_line(lines, to, lines, to, foil, one, lines, i * w, nodes * w, stations)
+        accumulate_lanes(lanes, to, lanes, to, foil, one, lanes, i * w, nodes * w, stations)
 
 
 @kernel(error_model="numpy")
-def _fill_right_sides(terms, shift, relaxation, scale, integers, arrays, views):
-    """What b_q and the journal's coordinates are multiplied by (see ``_film_views``)."""
-    nodes, stations = integers[NODES], integers[STATIONS]
-    _, right, _, journal, _, _ = views
+def _fill_right_sides(terms, shift, relaxation, scale, integers, arrays, right, journal):
+    """What b_q and the journal's coordinates are multiplied by (see ``FilmFactors``)."""
+    nodes, stations, sine = integers[NODES], integers[STATIONS], film_layout(integers).sine
     journal[:] = 0.0
     edge = integers[PERIODIC] == 0
-    for r in range(nodes * stations):
-        i = r % nodes
-        before, here = terms[THICKNESS_BEFORE, r], terms[THICKNESS_HERE, r]
-        after, rate = terms[THICKNESS_AFTER, r], terms[THICKNESS_RATE, r]
-        right[r, 0] = 0.0 if edge and i == 0 else shift * before
-        right[r, 1] = shift * (here - relaxation * rate)
-        right[r, 2] = 0.0 if edge and i == nodes - 1 else shift * after
+    for j in range(stations):
+        for i in range(nodes):
+            r = j * nodes + i
+            here, rate = terms[THICKNESS_HERE, r], terms[THICKNESS_RATE, r]
+            right[r, 0] = 0.0 if edge and i == 0 else shift * terms[THICKNESS_BEFORE, r]
+            right[r, 1] = shift * (here - relaxation * rate)
+            right[r, 2] = 0.0 if edge and i == nodes - 1 else shift * terms[THICKNESS_AFTER, r]
         for k in range(2):  # dh = -dX cos - dY sin
-            trig = arrays[k * (nodes + 2) : (k + 1) * (nodes + 2)]
-            place = before * trig[i] + here * trig[i + 1] + after * trig[i + 2]
-            journal[r * LINE + k] = -shift * scale * place
-            journal[r * LINE + 2 + k] = -shift * scale * rate * trig[i + 1]
-
-
-@kernel()
-def _bearing_weights(integers, arrays):
-    """Weights of the axial mean."""
-    return arrays[2 * integers[NODES] + 4 + integers[STATIONS] * (integers[STATIONS] + 1) :]
+            trig = arrays[k * sine : (k + 1) * sine]
+            for i in range(nodes):
+                r = j * nodes + i
+                place = terms[THICKNESS_BEFORE, r] * trig[i] + terms[THICKNESS_HERE, r] * trig[i + 1]
+                place += terms[THICKNESS_AFTER, r] * trig[i + 2]
+                journal[r * LANES + k] = -shift * scale * place
+                journal[r * LANES + 2 + k] = -shift * scale * terms[THICKNESS_RATE, r] * trig[i + 1]
 
 
 @kernel(error_model="numpy")
-def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layout, work, views, response):
-    """Factors of one film; ``response`` (2 lines): gas force by the journal's X, Y, dX/dtau, dY/dtau."""
+def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layout, work, factors, response):
+    """Factors of one film; ``response`` (2 rows): gas force by the journal's X, Y, dX/dtau, dY/dtau."""
     integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
     rows = integers[NODES] * integers[STATIONS]
     count = rows * (HERE + integers[STATIONS])
     terms, work = work[:count].reshape(HERE + integers[STATIONS], rows), work[count:]
-    foil, _, blocks, journal, force, _ = views
+    foil, right, blocks, journal, force, _ = factors
     linearise_bearing(phase, state, parameters, bearing, constants, layout, work, terms, force)
     flexibility, relaxation = foil_coefficients(parameters, integers, scalars)
     foil[0] = 1.0 / (1.0 + shift * relaxation)
-    foil[1:] = shift * flexibility * foil[0] * _bearing_weights(integers, arrays)[: integers[STATIONS]]
-    _fill_right_sides(terms, shift, relaxation, 1.0 / clearance, integers, arrays, views)
+    weights = arrays[film_layout(integers).weights :]
+    foil[1:] = shift * flexibility * foil[0] * weights[: integers[STATIONS]]
+    _fill_right_sides(terms, shift, relaxation, 1.0 / clearance, integers, arrays, right, journal)
     _eliminate(terms, shift, foil, integers, work, blocks)
     _solve_film(blocks, integers, work, journal)
-    force_lines(journal, force, response)
+    force_lanes(journal, force, response)
 
 
 @kernel()
@@ -375,7 +401,7 @@ def _invert_if_finite(matrix, inverse):
 def _factorise_rotor(shift, speed, constants, layout, start, factors):
     """The rotor's constant matrices, unless they already stand for this shift and speed."""
     size = layout[ROTOR_SIZE]
-    header, inverse, flexible, compliance, _ = _closing_views(size, start, factors)
+    header, inverse, flexible, compliance, _ = _rotor_factors(size, start, factors)
     if header[0] == shift and header[1] == speed:
         return
     header[0], header[1] = shift, speed
@@ -386,23 +412,27 @@ def _factorise_rotor(shift, speed, constants, layout, start, factors):
     compliance[:, :] = shift * (inverse @ influence)
 
 
+@kernel()
+def _closing_workspace(work):
+    """FORCES rows of lanes, a FORCES x FORCES matrix, and the rest."""
+    a = FORCES * LANES
+    b = a + FORCES * FORCES
+    return work[:a], work[a:b].reshape(FORCES, FORCES), work[b:]
+
+
 @kernel(FACTORISE)
 def machine_factorise(phase, state, parameters, shift, constants, layout, work, factors):
     """Factors of I - shift J(phase, state) for ``machine_solve``; ``factors`` start as zeros."""
     size, offset = layout[ROTOR_SIZE], 0
-    response = work[: FORCES * LINE]
-    matrix, scratch = (
-        work[FORCES * LINE : FORCES * (LINE + FORCES)].reshape(FORCES, FORCES),
-        work[FORCES * (LINE + FORCES) :],
-    )
+    response, matrix, scratch = _closing_workspace(work)
     for bearing in range(BEARINGS):
         integers, _, _, _ = bearing_views(bearing, constants, layout)
-        views = _film_views(integers, offset, factors)
-        own = response[2 * bearing * LINE : 2 * (bearing + 1) * LINE]
-        _factorise_bearing(phase, state, parameters, shift, bearing, constants, layout, scratch, views, own)
-        offset = views[5]
+        film = _film_factors(integers, offset, factors)
+        own = response[2 * bearing * LANES : 2 * (bearing + 1) * LANES]
+        _factorise_bearing(phase, state, parameters, shift, bearing, constants, layout, scratch, film, own)
+        offset = film.end
     _factorise_rotor(shift, parameters[SPEED], constants, layout, offset, factors)
-    _, _, _, compliance, closing = _closing_views(size, offset, factors)
+    _, _, _, compliance, closing = _rotor_factors(size, offset, factors)
     # F = F^ + Y_x (b_x + shift v) + Y_v v,   v = v^ + compliance F
     closing[:, :, :] = 0.0
     for i in range(FORCES):
@@ -410,7 +440,7 @@ def machine_factorise(phase, state, parameters, shift, constants, layout, work, 
         matrix[i, :] = 0.0
         matrix[i, i] = 1.0
         for k in range(2):
-            by_place, by_velocity = response[i * LINE + k], response[i * LINE + 2 + k]
+            by_place, by_velocity = response[i * LANES + k], response[i * LANES + 2 + k]
             closing[0, i, 2 * bearing + k] = by_place
             closing[1, i, 2 * bearing + k] = shift * by_place + by_velocity
             for j in range(FORCES):
@@ -420,57 +450,57 @@ def machine_factorise(phase, state, parameters, shift, constants, layout, work, 
 
 
 @kernel(error_model="numpy")
-def _solve_rotor(views, layout, lines, force, work):
-    """Rotor displacements and velocities in place, from the gas forces (4 lines) with the journals at
+def _solve_rotor(factors, layout, lanes, force, work):
+    """Rotor displacements and velocities in place, from the gas forces (4 rows) with the journals at
     rest.
     """
-    header, inverse, flexible, compliance, closing = views
-    size, w, four = UNSIGNED(layout[ROTOR_SIZE]), UNSIGNED(LINE), UNSIGNED(FORCES)
+    header, inverse, flexible, compliance, closing = factors
+    size, w, four = UNSIGNED(layout[ROTOR_SIZE]), UNSIGNED(LANES), UNSIGNED(FORCES)
     position = UNSIGNED(layout[ROTOR_STATE]) * w
     velocity = position + size * w
-    free, total = work[: layout[ROTOR_SIZE] * LINE], work[layout[ROTOR_SIZE] * LINE :]
+    free, total = work[: layout[ROTOR_SIZE] * LANES], work[layout[ROTOR_SIZE] * LANES :]
     by_velocity, by_position = inverse.reshape(size * size), flexible.reshape(size * size)
     pushed, matrix = compliance.reshape(size * four), closing.reshape(UNSIGNED(3) * four * four)
     for i in range(size):  # v^ = S^-1 b_v - shift S^-1 M^-1 K b_x
         of, to = i * size, i * w
-        set_line(free, to, (0.0,), lines, (position,))
-        fold_line(free, to, free, to, by_velocity, of, lines, velocity, w, size)
-        fold_line(free, to, free, to, by_position, of, lines, position, w, size)
+        set_lanes(free, to, (0.0,), lanes, (position,))
+        accumulate_lanes(free, to, free, to, by_velocity, of, lanes, velocity, w, size)
+        accumulate_lanes(free, to, free, to, by_position, of, lanes, position, w, size)
     for i in range(four):  # F^ + Y_x b_x + (shift Y_x + Y_v) v^
         of, to = i * four, i * w
         bearing = i // UNSIGNED(2)
         dof, k = UNSIGNED(layout[JOURNAL + bearing]) * w, bearing + bearing
-        fold_line(force, to, force, to, matrix, of + k, lines, position + dof, w, UNSIGNED(2))
-        fold_line(force, to, force, to, matrix, (four + i) * four + k, free, dof, w, UNSIGNED(2))
+        accumulate_lanes(force, to, force, to, matrix, of + k, lanes, position + dof, w, UNSIGNED(2))
+        accumulate_lanes(force, to, force, to, matrix, (four + i) * four + k, free, dof, w, UNSIGNED(2))
     for i in range(four):
-        set_line(total, i * w, (0.0,), force, (i * w,))
+        set_lanes(total, i * w, (0.0,), force, (i * w,))
         of = (four + four + i) * four
-        fold_line(total, i * w, total, i * w, matrix, of, force, UNSIGNED(0), w, four)
+        accumulate_lanes(total, i * w, total, i * w, matrix, of, force, UNSIGNED(0), w, four)
     for i in range(size):  # v = v^ + compliance F,   x = b_x + shift v
         to = velocity + i * w
-        fold_line(lines, to, free, i * w, pushed, i * four, total, UNSIGNED(0), w, four)
-        set_line(lines, position + i * w, (1.0, header[0]), lines, (position + i * w, to))
+        accumulate_lanes(lanes, to, free, i * w, pushed, i * four, total, UNSIGNED(0), w, four)
+        set_lanes(lanes, position + i * w, (1.0, header[0]), lanes, (position + i * w, to))
 
 
 @kernel(SOLVE)
-def machine_solve(factors, constants, layout, work, lines):
-    """lines <- (I - shift J)^-1 lines for LINE columns; ``lines`` (size * LINE,) holds them row by row."""
-    force, journal, scratch = work[: FORCES * LINE], work[: FORCES * LINE], work[FORCES * LINE :]
+def machine_solve(factors, constants, layout, work, lanes):
+    """lanes <- (I - shift J)^-1 lanes for LANES columns; ``lanes`` (size * LANES,) holds them row by row."""
+    force, journal, scratch = work[: FORCES * LANES], work[: FORCES * LANES], work[FORCES * LANES :]
     offset = 0
     for bearing in range(BEARINGS):
         integers, _, _, _ = bearing_views(bearing, constants, layout)
-        views, own = _film_views(integers, offset, factors), lines[integers[PRESSURE] * LINE :]
-        at = 2 * bearing * LINE
-        _solve_bearing(views, integers, scratch, own, force[at : at + 2 * LINE])
-        offset = views[5]
-    _solve_rotor(_closing_views(layout[ROTOR_SIZE], offset, factors), layout, lines, force, scratch)
+        film, own = _film_factors(integers, offset, factors), lanes[integers[PRESSURE] * LANES :]
+        at = 2 * bearing * LANES
+        _solve_bearing(film, integers, scratch, own, force[at : at + 2 * LANES])
+        offset = film.end
+    _solve_rotor(_rotor_factors(layout[ROTOR_SIZE], offset, factors), layout, lanes, force, scratch)
     offset = 0
     for bearing in range(BEARINGS):
         integers, _, _, _ = bearing_views(bearing, constants, layout)
-        views, own = _film_views(integers, offset, factors), lines[integers[PRESSURE] * LINE :]
-        place = (layout[ROTOR_STATE] + layout[JOURNAL + bearing]) * LINE
-        velocity = place + layout[ROTOR_SIZE] * LINE
-        journal[: 2 * LINE] = lines[place : place + 2 * LINE]
-        journal[2 * LINE :] = lines[velocity : velocity + 2 * LINE]
-        _move_journal(views, integers, journal, own)
-        offset = views[5]
+        film, own = _film_factors(integers, offset, factors), lanes[integers[PRESSURE] * LANES :]
+        place = (layout[ROTOR_STATE] + layout[JOURNAL + bearing]) * LANES
+        velocity = place + layout[ROTOR_SIZE] * LANES
+        journal[: 2 * LANES] = lanes[place : place + 2 * LANES]
+        journal[2 * LANES :] = lanes[velocity : velocity + 2 * LANES]
+        _move_journal(film, integers, journal, own)
+        offset = film.end

@@ -10,7 +10,7 @@ from numba import njit, types
 from numba.extending import is_jitted
 
 from pipelines.machine.kernels import FACTORISE, RATES, SOLVE, TANGENT, kernel
-from pipelines.machine.lines import LINE
+from pipelines.machine.lanes import LANES
 from pipelines.orbits.system import DynamicalSystem, Matrix, ShiftedSolver, Vector
 
 _MATRIX = types.float64[:, ::1]
@@ -110,15 +110,15 @@ def _invert(matrix, out):  # type: ignore[no-untyped-def]
 
 
 @kernel(SOLVE)
-def _solve_dense(factors, constants, layout, work, lines):  # type: ignore[no-untyped-def]
-    """lines = factors lines, of the inverse matrix."""
-    size = lines.shape[0] // LINE
-    inverse, right = factors.reshape((size, size)), lines.copy().reshape((size, LINE))
-    solution = lines.reshape((size, LINE))
+def _solve_dense(factors, constants, layout, work, lanes):  # type: ignore[no-untyped-def]
+    """lanes = factors lanes, of the inverse matrix."""
+    size = lanes.shape[0] // LANES
+    inverse, right = factors.reshape((size, size)), lanes.copy().reshape((size, LANES))
+    solution = lanes.reshape((size, LANES))
     solution[:] = 0.0
     for i in range(size):
         for k in range(size):
-            for j in range(LINE):
+            for j in range(LANES):
                 solution[i, j] += inverse[i, k] * right[k, j]
 
 

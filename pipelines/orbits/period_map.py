@@ -13,13 +13,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.machine.lines import LINE
-from pipelines.orbits.integration.implicit import (
-    aligned,
-    propagate_columns,
-    propagate_implicit,
-    workspace_sizes,
-)
+from pipelines.machine.lanes import LANES
+from pipelines.orbits.integration.esdirk import aligned
+from pipelines.orbits.integration.implicit import propagate_columns, propagate_implicit, workspace_sizes
 from pipelines.orbits.integration.propagation import propagate, workspace_size
 from pipelines.orbits.steppers import RK4, ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector, size_of
@@ -267,7 +263,7 @@ class PeriodMap:
         ))  # fmt: skip
 
     def _implicit(self, run: _Run, parameters: Vector, period: float, steps: int, once: bool) -> int:
-        """Propagate with a diagonally implicit stepper, which wants the columns in chunks of LINE."""
+        """Propagate with a diagonally implicit stepper, which wants the columns in chunks of LANES."""
         system, stepper = self.system, self.stepper
         assert isinstance(stepper, ImplicitStepper)
         assert system.shifted is not None
@@ -382,23 +378,23 @@ class PeriodMap:
 
 
 def _chunked(block: Matrix) -> Matrix:
-    """Columns (size, m) in chunks of LINE, (chunks, size * LINE), the last one filled up with zeros."""
+    """Columns (size, m) in chunks of LANES, (chunks, size * LANES), the last one filled up with zeros."""
     size, width = block.shape
-    chunks = -(-width // LINE)
-    padded = np.zeros((size, chunks * LINE))
+    chunks = -(-width // LANES)
+    padded = np.zeros((size, chunks * LANES))
     padded[:, :width] = block
-    lines = aligned(chunks * size * LINE).reshape(chunks, size * LINE)
-    lines[:] = padded.reshape(size, chunks, LINE).swapaxes(0, 1).reshape(chunks, size * LINE)
+    lines = aligned(chunks * size * LANES).reshape(chunks, size * LANES)
+    lines[:] = padded.reshape(size, chunks, LANES).swapaxes(0, 1).reshape(chunks, size * LANES)
     return lines
 
 
 def _functional(block: Matrix) -> Vector:
     """Room for the functional of the orbit and of every column in chunks."""
-    return np.zeros(1 + -(-block.shape[1] // LINE) * LINE)
+    return np.zeros(1 + -(-block.shape[1] // LANES) * LANES)
 
 
 def _take(run: _Run, lines: Matrix, functional: Vector) -> None:
     """The columns of chunks, and the functional, back into a run."""
     chunks, (size, width) = len(lines), run.block.shape
-    run.block[:] = lines.reshape(chunks, size, LINE).swapaxes(0, 1).reshape(size, chunks * LINE)[:, :width]
+    run.block[:] = lines.reshape(chunks, size, LANES).swapaxes(0, 1).reshape(size, chunks * LANES)[:, :width]
     run.functional[:] = functional[: 1 + width]

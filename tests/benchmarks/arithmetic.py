@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
-from pipelines.machine.lines import LINE
+from pipelines.machine.lanes import LANES
 from pipelines.machine.rates import BEARINGS
 from pipelines.machine.shifted import FORCES, JOURNAL_COORDINATES, machine_factorise, machine_solve
 from pipelines.orbits.machine_cycles import machine_system
@@ -75,14 +75,14 @@ def _copies(count, right, lines):  # type: ignore[no-untyped-def]
 
 
 def solve_arithmetic(settings: Settings) -> list[Measurement]:
-    """One solve for LINE columns on the default grid against the machine's rates."""
+    """One solve for LANES columns on the default grid against the machine's rates."""
     nodes, stations = settings.default_grid
     machine, seconds = _solve_seconds(settings)
-    needed = multiply_adds(machine) * LINE
+    needed = multiply_adds(machine) * LANES
     rate = needed / seconds
     peak = multiply_add_rate(settings.repetitions)
     cached = cached_multiply_add_rate(settings.repetitions)
-    name = f"machine_solve, {LINE} columns on {nodes}x{stations}"
+    name = f"machine_solve, {LANES} columns on {nodes}x{stations}"
     return [
         Measurement(
             "solve_fraction_of_peak", rate / peak, "1",
@@ -92,7 +92,7 @@ def solve_arithmetic(settings: Settings) -> list[Measurement]:
         Measurement(
             "solve_fraction_of_load_bound", rate / cached, "1",
             f"{name}: time with every factor and line from the first-level cache "
-            f"({2e-9 * cached:.3g} GFlop/s, {8e-9 * (1 + 1 / LINE) * cached:.3g} GB/s) / time measured",
+            f"({2e-9 * cached:.3g} GFlop/s, {8e-9 * (1 + 1 / LANES) * cached:.3g} GB/s) / time measured",
         ),
     ]  # fmt: skip
 
@@ -108,7 +108,7 @@ def _solve_seconds(settings: Settings) -> tuple[Machine, float]:
         machine.pressures(state, bearing)[:] = 1.0
     factors, work = np.zeros(system.shifted.factors_size), np.zeros(system.work_size)
     machine_factorise(0.0, state, parameters, _SHIFT, system.constants, system.layout, work, factors)
-    right, lines, count = np.ones(machine.size * LINE), np.zeros(machine.size * LINE), settings.repetitions
+    right, lines, count = np.ones(machine.size * LANES), np.zeros(machine.size * LANES), settings.repetitions
     constants, layout = system.constants, system.layout
     both = seconds_each(lambda: _solves(count, factors, constants, layout, work, right, lines), count)
     return machine, both - seconds_each(lambda: _copies(count, right, lines), count)

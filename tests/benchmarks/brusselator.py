@@ -25,7 +25,7 @@ from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchState, ContinuationOptions
 from pipelines.bifurcations.detection import DetectionOptions, Event
 from pipelines.machine.kernels import FACTORISE, RATES, SOLVE, TANGENT
-from pipelines.machine.lines import LINE, set_line
+from pipelines.machine.lanes import LANES, set_lanes
 from pipelines.machine.rates import UNSIGNED
 from pipelines.orbits.floquet import BasisOptions
 from pipelines.orbits.period_map import PeriodMap
@@ -109,30 +109,30 @@ def chain_factorise(phase, s, p, shift, constants, layout, work, factors):  # ty
 
 @njit(SOLVE, cache=True)
 def chain_solve(factors, constants, layout, work, lines):  # type: ignore[no-untyped-def]
-    w, two = UNSIGNED(LINE), UNSIGNED(2)
+    w, two = UNSIGNED(LANES), UNSIGNED(2)
     n = UNSIGNED(lines.size) // (two * w)
     u, v = factors[4 * n], factors[4 * n + UNSIGNED(1)]
     zero, cell = UNSIGNED(0), two * w
     for i in range(n):  # y_i = D_i^-1 (b_i - U y_{i-1})
         own, at = factors[4 * i : 4 * i + 4], i * cell
         before, present = (at - cell, 1.0) if i > 0 else (at, 0.0)
-        set_line(work, zero, (1.0, -u * present), lines, (at, before))
-        set_line(work, w, (1.0, -v * present), lines, (at + w, before + w))
-        set_line(lines, at, (own[0], own[1]), work, (zero, w))
-        set_line(lines, at + w, (own[2], own[3]), work, (zero, w))
+        set_lanes(work, zero, (1.0, -u * present), lines, (at, before))
+        set_lanes(work, w, (1.0, -v * present), lines, (at + w, before + w))
+        set_lanes(lines, at, (own[0], own[1]), work, (zero, w))
+        set_lanes(lines, at + w, (own[2], own[3]), work, (zero, w))
     for back in range(UNSIGNED(1), n):  # x_i = y_i - D_i^-1 U x_{i+1}
         i = n - UNSIGNED(1) - back
         own, at = factors[4 * i : 4 * i + 4], i * cell
         after = at + cell
-        set_line(lines, at, (1.0, -u * own[0], -v * own[1]), lines, (at, after, after + w))
-        set_line(lines, at + w, (1.0, -u * own[2], -v * own[3]), lines, (at + w, after, after + w))
+        set_lanes(lines, at, (1.0, -u * own[0], -v * own[1]), lines, (at, after, after + w))
+        set_lanes(lines, at + w, (1.0, -u * own[2], -v * own[3]), lines, (at + w, after, after + w))
 
 
 def chain(cells: int) -> DynamicalSystem:
     """The chain of ``cells`` cells, parameters (B, frequency)."""
     return DynamicalSystem(
         2 * cells, chain_rates, chain_tangent, NAMES, forcing=1,
-        constants=np.array([(cells + 1.0) ** 2]), work_size=2 * LINE,
+        constants=np.array([(cells + 1.0) ** 2]), work_size=2 * LANES,
         shifted=ShiftedSolver(chain_factorise, chain_solve, 4 * cells + 2),
     )  # fmt: skip
 

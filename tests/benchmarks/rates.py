@@ -1,7 +1,7 @@
-"""Rates of the machine itself: lines of LINE values multiplied and added, from registers and from the cache.
+"""Rates of the machine itself: lines of LANES values multiplied and added, from registers and from the cache.
 
-The loops are written in vector instructions, as those of ``pipelines.machine.lines``: how many sums they keep
-at once is tried, because registers are few and an addition takes several cycles.
+The loops are written in vector instructions, as those of ``pipelines.machine.vector_lanes``: how many sums
+they keep at once is tried, because registers are few and an addition takes several cycles.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from pipelines.machine.lines import LINE
+from pipelines.machine.lanes import LANES
 from tests.benchmarks.measuring import cpu_seconds
 
 SUMS = (4, 6, 8, 12)
 LINES = 240  # with their factors 17 KiB, which stay in the first-level cache; a multiple of all SUMS
 _ALIGNMENT = 64
-_LINE_TYPE = ir.VectorType(ir.DoubleType(), LINE)
+_LINE_TYPE = ir.VectorType(ir.DoubleType(), LANES)
 _operation: Any = intrinsic
 
 
@@ -51,9 +51,9 @@ def aligned(size: int) -> NDArray[np.float64]:
 
 
 def _rate(loop: Callable[..., float], count: int) -> float:
-    lines, factors = aligned(LINES * LINE), aligned(LINES)
+    lines, factors = aligned(LINES * LANES), aligned(LINES)
     lines[:], factors[:] = 0.5, 0.5
-    return LINES * LINE / seconds_each(lambda: loop(count, lines, factors), count)
+    return LINES * LANES / seconds_each(lambda: loop(count, lines, factors), count)
 
 
 def _loop(sums: int, *, from_cache: bool) -> Any:
@@ -106,7 +106,7 @@ def _add(builder: Any, total: Any, factor: Any, line: Any) -> Any:
 
 def _operands(builder: Any, data: Any, numbers: Any, at: Any) -> tuple[Any, Any]:
     """A factor in all places of a line, and the line that it multiplies."""
-    place = builder.gep(data, [builder.mul(at, ir.Constant(at.type, LINE))])
+    place = builder.gep(data, [builder.mul(at, ir.Constant(at.type, LANES))])
     line = builder.load(builder.bitcast(place, _LINE_TYPE.as_pointer()), align=8)
     return _spread(builder, builder.load(builder.gep(numbers, [at]))), line
 
@@ -115,5 +115,5 @@ def _spread(builder: Any, value: Any) -> Any:
     undefined = ir.Constant(_LINE_TYPE, ir.Undefined)
     first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
     return builder.shuffle_vector(
-        first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LINE), [0] * LINE)
+        first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipelines.machine.lines import LINE
+from pipelines.machine.lanes import LANES
 from pipelines.orbits.floquet import deterministic_block
 from tests.benchmarks.__main__ import ENTRIES, main
 from tests.benchmarks.arithmetic import film_multiply_adds
@@ -86,7 +86,7 @@ def test_multiply_adds_of_a_film_of_one_station() -> None:
 
 def test_the_chain_solves_its_shifted_equations() -> None:
     system, parameters, shift = chain(7), np.array([START, FREQUENCY]), 0.1
-    state, columns = 2.0 + deterministic_block(14, 1)[:, 0], deterministic_block(14, LINE, 1)
+    state, columns = 2.0 + deterministic_block(14, 1)[:, 0], deterministic_block(14, LANES, 1)
     jacobian = system.tangent_at(0.3, state, np.eye(14), parameters)
     difference = np.empty_like(jacobian)
     for k, step in enumerate(1e-6 * np.eye(14)):
@@ -99,4 +99,4 @@ def test_the_chain_solves_its_shifted_equations() -> None:
     system.shifted.factorise(0.3, state, parameters, shift, *own, work, factors)
     system.shifted.solve(factors, *own, work, lines)
     expected = np.linalg.solve(np.eye(14) - shift * jacobian, columns)
-    np.testing.assert_allclose(lines.reshape(14, LINE), expected, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(lines.reshape(14, LANES), expected, rtol=0.0, atol=1e-12)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from pathlib import Path
 from types import ModuleType
 
+import numba
 import pytest
 
 from pipelines.machine import kernels, rates
@@ -27,11 +29,41 @@ def quarter(x):
 """
 
 
+WITH_A_TUPLE = """
+from typing import NamedTuple
+
+from numba import types
+
+from pipelines.machine.kernels import kernel
+
+
+class Pair(NamedTuple):
+    first: float
+    second: float
+
+
+@kernel()
+def sum_of(pair):
+    return pair.first + pair.second
+
+
+@kernel(types.float64(types.float64, types.float64))
+def total(first, second):
+    return sum_of(Pair(first, second))
+"""
+
+
+@pytest.fixture(autouse=True)
+def _no_module_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "some_kernels", ModuleType("some_kernels"))
+
+
 def loaded(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location("some_kernels", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    sys.modules["some_kernels"] = module  # where pickled types are looked for
     spec.loader.exec_module(module)
     return module
 
@@ -70,4 +102,15 @@ def test_the_digest_is_that_of_every_file_with_kernels(
 
 def test_numba_still_has_what_the_decorator_changes() -> None:
     """Where it has not, its own rule holds, and `kernel` needs the new names."""
-    assert rates.machine_rates._cache._cache_file._source_stamp == kernels.source_digest()
+    cached = rates.machine_rates._cache._cache_file
+    assert cached._source_stamp == kernels.source_digest()
+    assert cached._version == f"{numba.__version__} {kernels.source_digest()}"
+
+
+def test_a_type_that_is_gone_does_no_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The cache holds the types of arguments by name."""
+    path = tmp_path / "some_kernels.py"
+    for digest, name in (("a version", "Pair"), ("another version", "Two")):
+        monkeypatch.setattr(kernels, "source_digest", lambda digest=digest: digest)
+        path.write_text(WITH_A_TUPLE.replace("Pair", name))
+        assert loaded(path).total(1.0, 2.0) == 3.0

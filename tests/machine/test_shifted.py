@@ -9,7 +9,7 @@ import pytest
 
 from pipelines.case.models import Case
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.machine.lines import LINE
+from pipelines.machine.lanes import LANES
 from pipelines.orbits.machine_cycles import machine_system
 from tests.machines import BEARING, FOIL, OTHER_BEARING, case, symmetric_rotor
 
@@ -49,7 +49,7 @@ def pair(
 def test_solution_of_the_dense_system(grid: tuple[int, int], film: str, shift: float) -> None:
     """Two bearings that differ in every length; 1e-11 because the condition number reaches 1e4."""
     system, state, parameters = states(case(grid, bearings=pair(BEARING, OTHER_BEARING, film=film)))
-    right = np.random.default_rng(4).standard_normal((system.size, LINE))
+    right = np.random.default_rng(4).standard_normal((system.size, LANES))
     jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
     expected = np.linalg.solve(np.eye(system.size) - shift * jacobian, right)
     found = solved(system, state, parameters, shift, right)
@@ -62,7 +62,7 @@ def test_solution_with_slopes_kept() -> None:
     rotor = symmetric_rotor(masters=masters)
     system, state, parameters = states(case((12, 2), bearings=(BEARING, OTHER_BEARING), rotor=rotor))
     assert system.size == 2 * 11 * 3 + 2 * 14
-    right = np.random.default_rng(4).standard_normal((system.size, LINE))
+    right = np.random.default_rng(4).standard_normal((system.size, LANES))
     jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
     expected = np.linalg.solve(np.eye(system.size) - 0.05 * jacobian, right)
     found = solved(system, state, parameters, 0.05, right)
@@ -82,7 +82,7 @@ def test_solution_with_slopes_kept() -> None:
 def test_variants_of_the_bearing(changes: dict[str, Any]) -> None:
     description = case((12, 2), bearings=pair(BEARING, OTHER_BEARING, **changes))
     system, state, parameters = states(description)
-    right = np.random.default_rng(4).standard_normal((system.size, LINE))
+    right = np.random.default_rng(4).standard_normal((system.size, LANES))
     jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
     expected = np.linalg.solve(np.eye(system.size) - 0.05 * jacobian, right)
     np.testing.assert_allclose(solved(system, state, parameters, 0.05, right), expected, atol=1e-11)
@@ -91,7 +91,7 @@ def test_variants_of_the_bearing(changes: dict[str, Any]) -> None:
 def test_factors_follow_the_speed() -> None:
     """The rotor's matrices are kept between calls with the same shift and speed, and renewed with another."""
     system, state, parameters = states(case((8, 1)))
-    right = np.random.default_rng(4).standard_normal((system.size, LINE))
+    right = np.random.default_rng(4).standard_normal((system.size, LANES))
     factors, work = np.zeros(system.shifted.factors_size), np.zeros(system.work_size)
     for speed, shift in ((1.0, 0.1), (1.5, 0.1), (1.5, 0.2)):
         parameters[0] = speed
@@ -108,7 +108,7 @@ def test_factors_follow_the_speed() -> None:
 def test_a_state_without_a_film_gives_no_numbers() -> None:
     """Newton may step out of the domain of the equations; that ends a step, not the program."""
     system, state, parameters = states(case((8, 1)))
-    right = np.ones((system.size, LINE))
+    right = np.ones((system.size, LANES))
     for broken in (np.nan, np.inf, 1e200):
         beyond = np.full_like(state, broken)
         assert not np.all(np.isfinite(solved(system, beyond, parameters, 0.05, right)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from pipelines.machine.lines import LINE
+from pipelines.machine.lanes import LANES
 from pipelines.orbits.compiled import compiled_system
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.steppers import BUTCHER6, DOPRI8, ESDIRK5
@@ -58,10 +58,10 @@ def test_the_shifted_equations_are_solved_with_pivots() -> None:
     work, factors = np.zeros(system.work_size), np.zeros(system.shifted.factors_size)
     common = (system.constants, system.layout, work)
     system.shifted.factorise(0.0, np.ones(3), np.ones(1), 1.0, *common, factors)
-    lines = np.arange(3.0 * LINE)
-    right = lines.reshape(3, LINE).copy()
+    lines = np.arange(3.0 * LANES)
+    right = lines.reshape(3, LANES).copy()
     system.shifted.solve(factors, *common, lines)
-    assert np.allclose((np.eye(3) - matrix) @ lines.reshape(3, LINE), right, rtol=0, atol=1e-12)
+    assert np.allclose((np.eye(3) - matrix) @ lines.reshape(3, LANES), right, rtol=0, atol=1e-12)
 
 
 def test_an_unknown_forcing_is_refused() -> None:

@@ -1,15 +1,9 @@
 """Time integration of the driven machine: changing speed, unbalance, switched excitation.
 
-The stepper is the diagonally implicit one of ``implicit`` (its head has the stage equations) with a fixed
-step in every piece of the drive. The unbalance does not depend on the state, so that it only moves the
-right-hand side of a stage:
-
-    S_i = [R_i + h gamma B u(tau_i)] + h gamma f(tau_i, S_i),    R_i = s + h sum_{j<i} a_ij K_j
-    K_i = (S_i - R_i) / (h gamma)
-
-where f takes speed and ring displacement of its own time tau_i from the parameter vector. A run is a chain of
-blocks of steps; a block depends on nothing but the state at its begin and its place in the run, so that a run
-taken up again at the begin of a block is the same to the last bit.
+The step is that of ``integration.esdirk`` with a fixed length in every piece of the drive. The unbalance is
+its load, and f takes speed and ring displacement of the stage's own time from the parameter vector. A run is
+a chain of blocks of steps; a block depends on nothing but the state at its begin and its place in the run, so
+that a run taken up again at the begin of a block is the same to the last bit.
 """
 
 from __future__ import annotations
@@ -25,10 +19,18 @@ from numpy.typing import NDArray
 
 from pipelines.machine.film import DISPLACEMENT_RATE, SPEED
 from pipelines.machine.kernels import FACTORISE_POINTER, RATES_POINTER, SOLVE_POINTER, kernel
-from pipelines.machine.lines import LINE
 from pipelines.machine.unbalance import unbalance_factors
-from pipelines.orbits.integration.implicit import _hermite, _solve_stage, aligned
-from pipelines.orbits.integration.propagation import combine
+from pipelines.orbits.integration.equations import Equations
+from pipelines.orbits.integration.esdirk import (
+    Method,
+    aligned,
+    begin_step,
+    interpolate,
+    solve_stage,
+    start_orbit,
+    step_space_size,
+    step_views,
+)
 from pipelines.orbits.steppers import ESDIRK5, ImplicitStepper
 from pipelines.orbits.system import DynamicalSystem
 from pipelines.orbits.time_runs.drive import BEGIN, LENGTH, Drive, set_drive
@@ -72,6 +74,16 @@ def _watch(observed, limits, running):  # type: ignore[no-untyped-def]
     return hit
 
 
+@kernel()
+def _drive_to(t, piece, parameters, push, push_row, load):  # type: ignore[no-untyped-def]
+    """Set parameters and load to the time ``t`` since the piece's begin; returns the rings' phase."""
+    phase, angle, acceleration = set_drive(piece, t, parameters)
+    along, across = unbalance_factors(angle, parameters[SPEED], acceleration)
+    for k in range(push.shape[1]):
+        load[push_row + k] = along * push[0, k] + across * push[1, k]
+    return phase
+
+
 @kernel(
     types.int64(
         RATES_POINTER, FACTORISE_POINTER, SOLVE_POINTER, RATES_POINTER, _MATRIX, _VECTOR, _MATRIX,
@@ -94,61 +106,40 @@ def integrate(  # type: ignore[no-untyped-def]
     from ``next_sample``, interpolated within the steps by cubic Hermite polynomials, ``extremes`` the running
     minima since the sample before. ``told``: steps and samples done, and the limit that was passed.
     """
-    n, stages, pushed = state.shape[0], a.shape[0], push.shape[1]
-    weight = h * a[1, 1]
-    system = (parameters, constants, layout, work, -1, rates, rates, factorise, solve)
-    line, rest = space[: n * LINE], space[n * LINE :]
-    slopes = rest[: 2 * stages * n].reshape((2 * stages, n))  # of the last step, then of this one
-    current, rest = slopes[stages:], rest[2 * stages * n :]
-    right, forced, stage, trial = rest[:n], rest[n : 2 * n], rest[2 * n : 3 * n], rest[3 * n : 4 * n]
-    observed = rest[4 * n : 4 * n + running.shape[0]]
-    line[:] = 0.0
+    equations = Equations(parameters, constants, layout, work, -1, rates)
+    method, stages = Method(a, predictor, factorise, solve), a.shape[0]
+    own, observed = (
+        step_views(space, state.shape[0], -1, stages),
+        space[step_space_size(state.shape[0], stages) :],
+    )
     told[STEPS_DONE], told[SAMPLES_DONE], told[LIMIT_HIT] = 0, 0, -1
 
-    phase, angle, acceleration = set_drive(piece, first * h, parameters)
+    phase = _drive_to(first * h, piece, parameters, push, push_row, own.load)
     observe(phase, state, parameters, constants, layout, work, observed)
     told[LIMIT_HIT] = _watch(observed, limits, running)
     if told[LIMIT_HIT] >= 0:
         return 2
-    rates(phase, state, parameters, constants, layout, work, trial)
-    along, across = unbalance_factors(angle, parameters[SPEED], acceleration)
-    for k in range(pushed):
-        trial[push_row + k] += along * push[0, k] + across * push[1, k]
-    for i in range(stages):
-        current[i] = trial
+    start_orbit(equations, phase, state, own)
 
     sample = 0
     for step in range(first, first + steps):
-        slopes[:stages] = current
-        current[0] = current[stages - 1]
+        begin_step(own)
         for i in range(1, stages):
-            phase, angle, acceleration = set_drive(piece, (step + c[i]) * h, parameters)
-            along, across = unbalance_factors(angle, parameters[SPEED], acceleration)
-            combine(right, state, h, a[i], i, current)
-            combine(stage, right, weight, predictor[i], stages + i, slopes)
-            forced[:] = right
-            for k in range(pushed):
-                forced[push_row + k] += weight * (along * push[0, k] + across * push[1, k])
+            phase = _drive_to((step + c[i]) * h, piece, parameters, push, push_row, own.load)
             factored = i % _STAGES_PER_FACTORS != 1
-            if not _solve_stage(system, phase, weight, factored, forced, factors, stage, trial, line):
+            if not solve_stage(equations, method, h, i, phase, state, factored, factors, own):
                 return 1
-            for k in range(n):
-                current[i, k] = (stage[k] - right[k]) / weight
-        observe(phase, stage, parameters, constants, layout, work, observed)
+        observe(phase, own.stage, parameters, constants, layout, work, observed)
         told[LIMIT_HIT] = _watch(observed, limits, running)
         end = piece[BEGIN] + (step + 1 + _TIME_ROUNDING) * h
         last = step + 1 == first + steps
         while sample < samples.shape[0] and ((next_sample + sample) * interval <= end or last):
             x = ((next_sample + sample) * interval - piece[BEGIN]) / h - step
-            weights = _hermite(min(1.0, max(0.0, x)), h)
-            for k in range(samples.shape[1]):
-                row = record_row + k
-                value = weights[0] * state[row] + weights[1] * current[0, row]
-                samples[sample, k] = value + weights[2] * stage[row] + weights[3] * current[stages - 1, row]
+            interpolate(min(1.0, max(0.0, x)), h, state, own, record_row, samples[sample])
             extremes[sample] = running
             running[:] = observed
             sample += 1
-        state[:] = stage
+        state[:] = own.stage
         told[STEPS_DONE] += 1
         told[SAMPLES_DONE] = sample
         if told[LIMIT_HIT] >= 0:
@@ -293,7 +284,7 @@ def advance(
     state, running = position.state.copy(), position.running.copy()
     samples = np.empty((wanted, driven.recorded.stop - driven.recorded.start))
     extremes, told = np.empty((wanted, driven.observed)), np.zeros(3, dtype=np.int64)
-    space = aligned((LINE + 2 * stepper.stages + 4) * system.size + driven.observed)
+    space = aligned(step_space_size(system.size, stepper.stages) + driven.observed)
     try:
         with np.errstate(all="ignore"):
             status = integrate(

@@ -1,113 +1,114 @@
-"""Sums over lines: short pieces of a flat array, one value per column of a tangent block, in vector
-registers.
+"""The sums of ``lanes`` in vector registers.
 
 The compiler unrolls a loop over so few values before it would vectorise it, and the sum becomes scalar.  Here
-the vector instructions are written down; multiplications and additions may be fused.
+the vector instructions are written down; multiplications and additions may be fused.  The import fails where
+numba or llvmlite no longer have what this takes.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-LINE = 8  # columns treated together: a bearing's lines and their image stay in the first-level cache
+from .plain_lanes import LANES
 
 _operation: Any = intrinsic  # its own annotation counts the typing context among the arguments of a call
-_LINE_TYPE = ir.VectorType(ir.DoubleType(), LINE)
+_ROW_TYPE = ir.VectorType(ir.DoubleType(), LANES)
 
 
 def _address(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:
-    """Pointer to the line that starts at ``offset`` of a flat array."""
+    """Pointer to the row that starts at ``offset`` of a flat array."""
     data = context.make_array(array_type)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [offset]), _LINE_TYPE.as_pointer())
+    return builder.bitcast(builder.gep(data, [offset]), _ROW_TYPE.as_pointer())
 
 
 def _filled(builder: Any, value: Any) -> Any:
-    """A line of one value."""
-    undefined = ir.Constant(_LINE_TYPE, ir.Undefined)
+    """A row of one value."""
+    undefined = ir.Constant(_ROW_TYPE, ir.Undefined)
     first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
     return builder.shuffle_vector(
-        first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LINE), [0] * LINE)
+        first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
     )
 
 
-def _sum(context: Any, builder: Any, total: Any, factors: Any, lines: Any, sources: Any) -> Any:
-    """total + sum_k factor_k line_k; ``lines`` is the pair of the array's type and value."""
-    array_type, array = lines
+def _sum(context: Any, builder: Any, total: Any, factors: Any, lanes: Any, sources: Any) -> Any:
+    """total + sum_k factor_k row_k; ``lanes`` is the pair of the array's type and value."""
+    array_type, array = lanes
     for factor, source in zip(factors, sources, strict=True):
-        line = builder.load(_address(context, builder, array_type, array, source), align=8)
-        term = builder.fmul(_filled(builder, factor), line, flags=("contract",))
+        row = builder.load(_address(context, builder, array_type, array, source), align=8)
+        term = builder.fmul(_filled(builder, factor), row, flags=("contract",))
         total = term if total is None else builder.fadd(total, term, flags=("contract",))
     return total
 
 
 @_operation
-def set_line(typing, out, to, factors, lines, sources):  # type: ignore[no-untyped-def]
-    """out[to + c] = sum_k factors[k] lines[sources[k] + c] for c < LINE; factors and sources are tuples."""
+def set_lanes(typing, out, to, factors, lanes, sources):  # type: ignore[no-untyped-def]
+    """out[to + c] = sum_k factors[k] lanes[sources[k] + c] for c < LANES; factors and sources are tuples."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        out, to, factors, lines, sources = arguments
+        out, to, factors, lanes, sources = arguments
         factors, sources = cgutils.unpack_tuple(builder, factors), cgutils.unpack_tuple(builder, sources)
-        total = _sum(context, builder, None, factors, (signature.args[3], lines), sources)
+        total = _sum(context, builder, None, factors, (signature.args[3], lanes), sources)
         builder.store(total, _address(context, builder, signature.args[0], out, to), align=8)
         return context.get_dummy_value()
 
     count = len(factors)
     tuples = types.UniTuple(types.float64, count), types.UniTuple(types.uint64, count)
-    return types.void(out, types.uint64, tuples[0], lines, tuples[1]), generate
+    return types.void(out, types.uint64, tuples[0], lanes, tuples[1]), generate
 
 
 @_operation
-def add_line(typing, out, to, factor, lines, source):  # type: ignore[no-untyped-def]
-    """out[to + c] += factor lines[source + c] for c < LINE."""
+def add_lanes(typing, out, to, factor, lanes, source):  # type: ignore[no-untyped-def]
+    """out[to + c] += factor lanes[source + c] for c < LANES."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        out, to, factor, lines, source = arguments
+        out, to, factor, lanes, source = arguments
         target = _address(context, builder, signature.args[0], out, to)
         total = builder.load(target, align=8)
-        total = _sum(context, builder, total, (factor,), (signature.args[3], lines), (source,))
+        total = _sum(context, builder, total, (factor,), (signature.args[3], lanes), (source,))
         builder.store(total, target, align=8)
         return context.get_dummy_value()
 
-    return types.void(out, types.uint64, types.float64, lines, types.uint64), generate
+    return types.void(out, types.uint64, types.float64, lanes, types.uint64), generate
 
 
 _UNROLLED = (2, 3, 4)  # terms of the sums that take all the time
 
 
 @_operation
-def fold_line(typing, out, to, base, start, factors, first, lines, source, step, count):  # type: ignore[no-untyped-def]
-    """out[to + c] = base[start + c] + sum_{k < count} factors[first + k] lines[source + k step + c], c <
-    LINE.
+def accumulate_lanes(typing, out, to, base, start, factors, first, lanes, source, step, count):  # type: ignore[no-untyped-def]
+    """out[to + c] = base[start + c] + sum_{k < count} factors[first + k] lanes[source + k step + c], c <
+    LANES.
 
     The sum stays in a register.
     """
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        out, to, base, start, factors, first, lines, source, step, count = arguments
+        out, to, base, start, factors, first, lanes, source, step, count = arguments
         of = signature.args
         numbers = context.make_array(of[4])(context, builder, factors).data
 
         def add(total, k):  # type: ignore[no-untyped-def]
             factor = builder.load(builder.gep(numbers, [builder.add(first, k)]))
             at = builder.add(source, builder.mul(k, step))
-            line = builder.load(_address(context, builder, of[6], lines, at), align=8)
-            term = builder.fmul(_filled(builder, factor), line, flags=("contract",))
+            row = builder.load(_address(context, builder, of[6], lanes, at), align=8)
+            term = builder.fmul(_filled(builder, factor), row, flags=("contract",))
             return builder.fadd(total, term, flags=("contract",))
 
         def store(total):  # type: ignore[no-untyped-def]
             builder.store(total, _address(context, builder, of[0], out, to), align=8)
 
         begin = builder.load(_address(context, builder, of[2], base, start), align=8)
-        many = builder.append_basic_block("fold.many")
-        done = builder.append_basic_block("fold.done")
+        many = builder.append_basic_block("sum.many")
+        done = builder.append_basic_block("sum.done")
         switch = builder.switch(count, many)
         for known in _UNROLLED:
-            block = builder.append_basic_block(f"fold.{known}")
+            block = builder.append_basic_block(f"sum.{known}")
             switch.add_case(ir.Constant(count.type, known), block)
             builder.position_at_end(block)
             total = begin
@@ -116,7 +117,7 @@ def fold_line(typing, out, to, base, start, factors, first, lines, source, step,
             store(total)
             builder.branch(done)
         builder.position_at_end(many)
-        total = cgutils.alloca_once(builder, _LINE_TYPE)
+        total = cgutils.alloca_once(builder, _ROW_TYPE)
         builder.store(begin, total)
         with cgutils.for_range(builder, count) as loop:
             builder.store(add(builder.load(total), loop.index), total)
@@ -126,4 +127,13 @@ def fold_line(typing, out, to, base, start, factors, first, lines, source, step,
         return context.get_dummy_value()
 
     at = types.uint64
-    return types.void(out, at, base, at, factors, at, lines, at, at, at), generate
+    return types.void(out, at, base, at, factors, at, lanes, at, at, at), generate
+
+
+@njit(types.void(types.float64[::1]), cache=True)
+def _take_all(values):  # type: ignore[no-untyped-def]
+    """Compiled with the import, which then fails where a later compilation would."""
+    zero = np.uint64(0)
+    set_lanes(values, zero, (1.0,), values, (zero,))
+    add_lanes(values, zero, 1.0, values, zero)
+    accumulate_lanes(values, zero, values, zero, values, zero, values, zero, zero, zero)

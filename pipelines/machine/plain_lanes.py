@@ -1,0 +1,40 @@
+"""The sums of ``lanes`` as plain loops, which say what they compute."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+LANES = 8  # columns treated together: a bearing's rows and their image stay in the first-level cache
+
+# Signed and unsigned offsets together would make floating-point numbers.
+
+
+@njit(fastmath={"contract"})
+def set_lanes(out, to, factors, lanes, sources):  # type: ignore[no-untyped-def]
+    """out[to + c] = sum_k factors[k] lanes[sources[k] + c] for c < LANES; factors and sources are tuples."""
+    for c in range(np.uint64(LANES)):
+        total = 0.0
+        for k in range(len(factors)):
+            total += factors[k] * lanes[np.uint64(sources[k]) + c]
+        out[np.uint64(to) + c] = total
+
+
+@njit(fastmath={"contract"})
+def add_lanes(out, to, factor, lanes, source):  # type: ignore[no-untyped-def]
+    """out[to + c] += factor lanes[source + c] for c < LANES."""
+    for c in range(np.uint64(LANES)):
+        out[np.uint64(to) + c] += factor * lanes[np.uint64(source) + c]
+
+
+@njit(fastmath={"contract"})
+def accumulate_lanes(out, to, base, start, factors, first, lanes, source, step, count):  # type: ignore[no-untyped-def]
+    """out[to + c] = base[start + c] + sum_{k < count} factors[first + k] lanes[source + k step + c], c <
+    LANES.
+    """
+    for c in range(np.uint64(LANES)):
+        total = base[np.uint64(start) + c]
+        for k in range(np.uint64(count)):
+            at = np.uint64(source) + k * np.uint64(step)
+            total += factors[np.uint64(first) + k] * lanes[at + c]
+        out[np.uint64(to) + c] = total

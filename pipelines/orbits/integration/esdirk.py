@@ -1,0 +1,385 @@
+"""One step of a singly diagonally implicit Runge-Kutta method, for an orbit and for its tangent columns.
+
+The diagonal of the tableau is one number g but for the first stage, which is explicit; the last stage is the
+new point.  A step of length h from the state s with three stages (those of ``steppers`` have more):
+
+    0   |                   K_1 = f(s), the last slope of the step before
+    c_2 | a_21  g           S_2 = R_2 + h g f(S_2),    R_2 = s + h a_21 K_1
+    1   | a_31  a_32  g     S_3 = R_3 + h g f(S_3),    R_3 = s + h (a_31 K_1 + a_32 K_2)
+
+where S_3 is the new point.
+
+A stage is solved by Newton's method,
+
+    (I - h g J) d = R_i + h g f(S_i) - S_i,    S_i <- S_i + d,    until d is rounding
+
+from a guess R_i + h g K, with K extrapolated from the slopes of the last step and of this one, and with the
+factors of an earlier stage as long as they contract.  Its slope follows from its equation,
+
+    K_i = (S_i - R_i) / (h g)
+
+because f(S_i) would multiply what Newton's method has left by the stiffness of the film.
+
+A column y is the derivative of all this.  With J_i = J(S_i) at the solved stages:
+
+    K'_1 = J(s) y
+    (I - h g J_2) Y_2 = R'_2 = y + h a_21 K'_1,                       K'_2 = (Y_2 - R'_2) / (h g)
+    (I - h g J_3) Y_3 = R'_3 = y + h (a_31 K'_1 + a_32 K'_2),         Y_3 is the new column
+
+One factorisation in a stage serves all columns, each of which costs one solve, and begins Newton's method in
+the next stage.  An inhomogeneous column has h g (df/dlambda + (dT/dlambda) f / T) on its right-hand side too.
+Between s and S_3 orbit and columns are cubic Hermite polynomials of values and slopes.
+
+A part B(tau) of f that does not depend on the state, such as a force of unbalance, is called the load.
+
+Columns stand in chunks of LANES: ``lanes`` (chunks, n * LANES) holds the rows of a chunk one after another.
+Scratch space of a step with n states, of the system or with those of Eq. 17, and s stages:
+
+    orbit   | d (n * LANES) | slopes K: last step, this step (2 s, n) | right | stage | load | trial | term
+    columns | slopes K' (chunks, s, n * LANES) | stages Y (chunks, n * LANES)
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from pipelines.machine.kernels import kernel
+from pipelines.machine.lanes import LANES
+from pipelines.orbits.integration.equations import (
+    combine,
+    inhomogeneous_terms,
+    oscillator_tangent,
+    phase_at,
+    phase_slope,
+    rates_at,
+    system_size,
+)
+
+_FLOAT = types.float64
+_VECTOR = types.float64[::1]
+
+_STAGE_ERROR = 1e-13  # of a solved stage, relative to max(1, largest entry): far below every tolerance above
+_SLOW = 0.3  # contraction of Newton's method above which the matrix is factored anew
+_NEWTON_ITERATIONS = 40
+_VECTORS = 5  # of the scratch space beside the slopes
+
+
+class Method(NamedTuple):
+    """Tableau and predictor of ``ImplicitStepper``, and what solves the linear equations of its stages."""
+
+    a: Any
+    predictor: Any
+    factorise: Any
+    solve: Any
+
+
+class Step(NamedTuple):
+    """Scratch space of an orbit's step: Newton's correction d, slopes of the last step and of this one, R_i,
+    S_i, the load, and two vectors for what is passing.
+    """
+
+    correction: Any
+    slopes: Any
+    right: Any
+    stage: Any
+    load: Any
+    trial: Any
+    term: Any
+
+
+class Columns(NamedTuple):
+    """Columns at the begin of a step, the slopes of its stages, and Y of the stage at hand: after the last
+    stage the new columns.
+    """
+
+    lanes: Any
+    slopes: Any
+    stages: Any
+
+
+def aligned(count: int) -> NDArray[np.float64]:
+    """Zeros that begin on a line of the cache, so that no row of lanes straddles two."""
+    values = np.zeros(count + LANES)
+    first = -(values.ctypes.data // values.itemsize) % LANES
+    return values[first : first + count]
+
+
+@register_jitable
+def step_space_size(size: int, stages: int) -> int:
+    """Doubles of the scratch space of an orbit's step."""
+    return (LANES + 2 * stages + _VECTORS) * size
+
+
+def columns_space_size(size: int, chunks: int, stages: int) -> int:
+    """Doubles of the scratch space of the columns."""
+    return (stages + 1) * chunks * size * LANES
+
+
+@kernel()
+def step_views(space, size, oscillator, stages):  # type: ignore[no-untyped-def]
+    """The scratch space of an orbit's step; without a load until one is put there."""
+    own = size - 2 if oscillator >= 0 else size
+    end = step_space_size(size, stages)
+    vectors = space[LANES * size : end].reshape((2 * stages + _VECTORS, size))
+    slopes, rest = vectors[: 2 * stages], vectors[2 * stages :]
+    step = Step(space[: own * LANES], slopes, rest[0], rest[1], rest[2], rest[3], rest[4])
+    step.correction[:] = 0.0
+    step.load[:] = 0.0
+    return step
+
+
+@kernel()
+def columns_views(lanes, space, stages):  # type: ignore[no-untyped-def]
+    """The scratch space of columns."""
+    chunks, width = lanes.shape
+    end = chunks * stages * width
+    slopes = space[:end].reshape((chunks, stages, width))
+    return Columns(lanes, slopes, space[end : end + chunks * width].reshape((chunks, width)))
+
+
+@kernel()
+def start_orbit(equations, phase, state, step):  # type: ignore[no-untyped-def]
+    """The slope at the start as that of every stage of a step before it."""
+    rates_at(equations, phase, state, step.trial)
+    stages = step.slopes.shape[0] // 2
+    for i in range(stages, 2 * stages):
+        _add_load(step.slopes[i], step.trial, step.load)
+
+
+@kernel()
+def _add_load(out, rates, load):  # type: ignore[no-untyped-def]
+    """out = rates + load."""
+    for k in range(out.shape[0]):
+        out[k] = rates[k] + load[k]
+
+
+@kernel()
+def _oscillator_matrix(s1, s2, weight, frequency):  # type: ignore[no-untyped-def]
+    """I - weight J of Eq. 17, row by row, and its determinant."""
+    radius = s1 * s1 + s2 * s2
+    a11 = 1.0 - weight * (1.0 - radius - 2.0 * s1 * s1)
+    a22 = 1.0 - weight * (1.0 - radius - 2.0 * s2 * s2)
+    a12, a21 = -weight * (frequency - 2.0 * s1 * s2), weight * (frequency + 2.0 * s1 * s2)
+    return a11, a12, a21, a22, a11 * a22 - a12 * a21
+
+
+@kernel()
+def begin_step(step):  # type: ignore[no-untyped-def]
+    """This step becomes the last one; its last slope is the first of the next."""
+    stages = step.slopes.shape[0] // 2
+    for i in range(stages):
+        step.slopes[i] = step.slopes[stages + i]
+    step.slopes[stages] = step.slopes[2 * stages - 1]
+
+
+@kernel()
+def solve_stage(equations, method, h, i, forced, state, factored, factors, step):  # type: ignore[no-untyped-def]
+    """S_i into ``step.stage`` and K_i among the slopes; False if Newton's method fails.
+
+    ``forced``: the phase without an oscillator; ``factored``: the factors are those of an earlier stage. They
+    are renewed when they contract slowly.
+    """
+    a, right, stage = method.a, step.right, step.stage
+    stages, weight = a.shape[0], h * a[i, i]
+    combine(right, state, h, a[i], i, step.slopes[stages:])
+    combine(stage, right, weight, method.predictor[i], stages + i, step.slopes)
+    oscillator = equations.oscillator
+    if oscillator >= 0:
+        _oscillator_stage(right, weight, equations.parameters[oscillator], stage)
+    phase = phase_at(stage, oscillator, forced)
+    if not _newton(equations, method, phase, weight, factored, factors, step):
+        return False
+    slope = step.slopes[stages + i]
+    for k in range(slope.shape[0]):
+        slope[k] = (stage[k] - right[k]) / weight
+    return True
+
+
+@kernel()
+def _newton(equations, method, phase, weight, factored, factors, step):  # type: ignore[no-untyped-def]
+    """Newton's method for S = R + weight (f(phase, S) + load), from the guess in ``step.stage``."""
+    parameters, constants, layout, work, oscillator, rates = equations
+    _, _, factorise, solve = method
+    n, last, since = system_size(step.stage, oscillator), np.inf, 0
+    stage, slope, right, load, line = step.stage[:n], step.trial[:n], step.right, step.load, step.correction
+    for _ in range(_NEWTON_ITERATIONS):
+        if not factored:
+            factorise(phase, stage, parameters, weight, constants, layout, work, factors)
+            factored, since = True, 0
+        rates(phase, stage, parameters, constants, layout, work, slope)
+        for i in range(n):
+            line[i * LANES] = right[i] + weight * (slope[i] + load[i]) - stage[i]
+        solve(factors, constants, layout, work, line)
+        update, size, total = 0.0, 1.0, 0.0
+        for i in range(n):
+            stage[i] += line[i * LANES]
+            update = max(update, abs(line[i * LANES]))
+            size = max(size, abs(stage[i]))
+            total += abs(stage[i])  # a maximum passes over what is no number
+        if not np.isfinite(total):
+            return False
+        contraction = update / last if since > 0 else 1.0
+        if update * min(1.0, contraction / (1.0 - min(contraction, 0.5))) <= _STAGE_ERROR * size:
+            return True
+        factored = since == 0 or contraction < _SLOW
+        last, since = update, since + 1
+    return False
+
+
+@kernel(types.void(_VECTOR, _FLOAT, _FLOAT, _VECTOR))
+def _oscillator_stage(right, weight, frequency, stage):  # type: ignore[no-untyped-def]
+    """The last two entries of a stage: Newton's method on Eq. 17, S = R + weight g(S), from the entries of
+    ``stage``.
+    """
+    n = stage.shape[0] - 2
+    for _ in range(_NEWTON_ITERATIONS):
+        s1, s2 = stage[n], stage[n + 1]
+        radius = s1 * s1 + s2 * s2
+        r1 = right[n] + weight * (s1 + frequency * s2 - s1 * radius) - s1
+        r2 = right[n + 1] + weight * (-frequency * s1 + s2 - s2 * radius) - s2
+        a11, a12, a21, a22, determinant = _oscillator_matrix(s1, s2, weight, frequency)
+        stage[n] += (a22 * r1 - a12 * r2) / determinant
+        stage[n + 1] += (a11 * r2 - a21 * r1) / determinant
+        if max(abs(r1), abs(r2)) <= _STAGE_ERROR:
+            return
+
+
+@kernel()
+def start_columns(equations, tangent, growth, phase, state, step, columns):  # type: ignore[no-untyped-def]
+    """Slopes of the columns at the start, where no stage has left them.
+
+    ``growth`` = (parameter of each column or -1, dT/dlambda of each, T).
+    """
+    parameters, constants, layout, work, oscillator, _ = equations
+    size, n, started = state.shape[0], system_size(state, oscillator), columns.stages  # not yet in use
+    phase_slope(equations, phase, state, step.trial, step.term)
+    for chunk in range(started.shape[0]):
+        block, out = columns.lanes[chunk].reshape((size, LANES)), started[chunk].reshape((size, LANES))
+        tangent(phase, state[:n], block[:n], parameters, constants, layout, work, out[:n])
+        if oscillator >= 0:
+            oscillator_tangent(state, block, parameters[oscillator], step.term, out)
+    slope = step.slopes[step.slopes.shape[0] - 1]
+    _add_inhomogeneous(equations, growth, 1.0, phase, state, slope, step, started)
+    for chunk in range(started.shape[0]):
+        columns.slopes[chunk, columns.slopes.shape[1] - 1] = started[chunk]
+
+
+@kernel()
+def begin_columns(columns):  # type: ignore[no-untyped-def]
+    """The last slopes of a step are the first of the next."""
+    for chunk in range(columns.slopes.shape[0]):
+        columns.slopes[chunk, 0] = columns.slopes[chunk, columns.slopes.shape[1] - 1]
+
+
+@kernel()
+def end_columns(columns):  # type: ignore[no-untyped-def]
+    """The last stage of a step is where the next begins."""
+    for chunk in range(columns.lanes.shape[0]):
+        columns.lanes[chunk] = columns.stages[chunk]
+
+
+@kernel()
+def linearise_stage(equations, method, h, i, growth, forced, factors, step, columns):  # type: ignore[no-untyped-def]
+    """Y_i and K'_i of every column at the stage that ``solve_stage`` has left, with its factors."""
+    parameters, constants, layout, work, oscillator, _ = equations
+    a, _, factorise, solve = method
+    stage, weight, n = step.stage, h * a[i, i], system_size(step.stage, oscillator)
+    phase, slope = phase_at(stage, oscillator, forced), step.slopes[a.shape[0] + i]
+    factorise(phase, stage[:n], parameters, weight, constants, layout, work, factors)
+    for chunk in range(columns.lanes.shape[0]):
+        right_side(columns, chunk, a, h, i)
+    _add_inhomogeneous(equations, growth, weight, phase, stage, slope, step, columns.stages)
+    phase_slope(equations, phase, stage, step.trial, step.term)
+    for chunk in range(columns.lanes.shape[0]):
+        if oscillator >= 0:
+            _oscillator_lanes(stage, weight, parameters[oscillator], step.term, columns.stages[chunk])
+        solve_columns(equations, solve, factors, columns, chunk, n, weight, i)
+
+
+@kernel()
+def right_side(columns, chunk, a, h, i):  # type: ignore[no-untyped-def]
+    """R'_i of a chunk, where Y_i and K'_i will stand."""
+    slopes = columns.slopes[chunk]
+    combine(slopes[i], columns.lanes[chunk], h, a[i], i, slopes)
+    columns.stages[chunk] = slopes[i]
+
+
+@kernel()
+def solve_columns(equations, solve, factors, columns, chunk, n, weight, i):  # type: ignore[no-untyped-def]
+    """Y_i of a chunk and K'_i = (Y_i - R'_i) / weight, where R'_i stands."""
+    own, slopes, per_weight = columns.stages[chunk], columns.slopes[chunk, i], 1.0 / weight
+    solve(factors, equations.constants, equations.layout, equations.work, own[: n * LANES])
+    for k in range(own.shape[0]):
+        slopes[k] = (own[k] - slopes[k]) * per_weight
+
+
+@kernel(types.void(_VECTOR, _FLOAT, _FLOAT, _VECTOR, _VECTOR))
+def _oscillator_lanes(stage, weight, frequency, by_phase, lanes):  # type: ignore[no-untyped-def]
+    """Solve the two rows of Eq. 17 and put weight df/dphase dphase on the right-hand side of the others."""
+    n = stage.shape[0] - 2
+    s1, s2 = stage[n], stage[n + 1]
+    a11, a12, a21, a22, determinant = _oscillator_matrix(s1, s2, weight, frequency)
+    for c in range(LANES):
+        r1, r2 = lanes[n * LANES + c], lanes[(n + 1) * LANES + c]
+        d1, d2 = (a22 * r1 - a12 * r2) / determinant, (a11 * r2 - a21 * r1) / determinant
+        lanes[n * LANES + c], lanes[(n + 1) * LANES + c] = d1, d2
+        phase = weight * (s2 * d1 - s1 * d2) / (s1 * s1 + s2 * s2)
+        for i in range(n):
+            lanes[i * LANES + c] += phase * by_phase[i]
+
+
+@kernel()
+def _add_inhomogeneous(equations, growth, weight, phase, state, slope, step, lanes):  # type: ignore[no-untyped-def]
+    """lanes += weight (df/dlambda + (dT/dlambda) f / T) in the columns that ask for it; ``slope`` is f."""
+    column_parameter, column_period, period = growth
+    for j in range(column_parameter.shape[0]):
+        if column_parameter[j] < 0 and column_period[j] == 0.0:
+            continue
+        rate = column_period[j] / period
+        inhomogeneous_terms(equations, phase, state, column_parameter[j], rate, slope, step.trial, step.term)
+        block, c = lanes[j // LANES], j % LANES
+        for i in range(state.shape[0]):
+            block[i * LANES + c] += weight * step.term[i]
+
+
+@kernel()
+def _hermite(x, h):  # type: ignore[no-untyped-def]
+    """Weights of the values and slopes at both ends of a step, at the fraction x of it."""
+    y = 1.0 - x
+    return y * y * (1.0 + 2.0 * x), x * y * y * h, x * x * (1.0 + 2.0 * y), -x * x * y * h
+
+
+@kernel()
+def interpolate(x, h, state, step, first, out):  # type: ignore[no-untyped-def]
+    """The states from ``first`` at the fraction x of a step from ``state`` into ``out``."""
+    value, slope, end_value, end_slope = _hermite(x, h)
+    last = step.slopes.shape[0] - 1
+    begin, end = step.slopes[step.slopes.shape[0] // 2], step.slopes[last]
+    for k in range(out.shape[0]):
+        row = first + k
+        out[k] = value * state[row] + slope * begin[row]
+        out[k] += end_value * step.stage[row] + end_slope * end[row]
+
+
+@kernel()
+def accumulate(x, h, gradient, share, point, columns, functional):  # type: ignore[no-untyped-def]
+    """functional += share <gradient, y> for y the ``point`` of the orbit and every column, at the fraction x
+    of a step.
+    """
+    for k in range(gradient.shape[0]):
+        functional[0] += share * gradient[k] * point[k]
+    value, slope, end_value, end_slope = _hermite(x, h)
+    lanes, slopes, stages = columns
+    last = slopes.shape[1] - 1
+    for chunk in range(lanes.shape[0]):
+        for i in range(gradient.shape[0]):
+            for c in range(LANES):
+                k = i * LANES + c
+                column = value * lanes[chunk, k] + slope * slopes[chunk, 0, k]
+                column += end_value * stages[chunk, k] + end_slope * slopes[chunk, last, k]
+                functional[1 + chunk * LANES + c] += share * gradient[i] * column
