@@ -33,7 +33,7 @@ from pipelines.orbits.floquet import (
     orthonormal,
     starting_basis,
 )
-from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, PhaseReference
+from pipelines.orbits.period_map import Inhomogeneity, OrbitStart, PeriodImage, PeriodMap, PhaseReference
 from pipelines.orbits.system import Matrix, Vector, size_of
 from pipelines.orbits.vectors import Combination, Constraint
 
@@ -162,7 +162,7 @@ class CycleProblem:
 @dataclass(frozen=True)
 class Linearisation:
     """The map and its derivatives at one point; ``swept`` (N, k) and ``swept_image`` hold q_x and M q_x of
-    the Picard part for x = r, phi_l and, when the period is unknown, phi_T.
+    the Picard part for x = r, phi_l and, when the period is unknown, phi_T.  The ``image`` has no factors.
     """
 
     image: PeriodImage
@@ -240,11 +240,8 @@ def correct(
         return Correction(stop, cycle, tuple(residuals), tuple(updates))
 
     def given_up(stop: NewtonStop) -> Correction:
-        parameters = problem.parameters_at(unknowns.parameter)
-        place = unknowns.state, parameters, unknowns.period, steps
-        return ended(
-            NewtonStop.ROUNDING if is_rounding(problem.period_map, place, reference, residuals) else stop
-        )
+        rounding = is_rounding(problem.period_map, image.start, reference, residuals)
+        return ended(NewtonStop.ROUNDING if rounding else stop)
 
     linear: Linearisation | None = None
     while True:
@@ -253,13 +250,14 @@ def correct(
             return ended(NewtonStop.NON_FINITE)
         residuals.append(max(problem.period_map.residual(unknowns.state, image), constraint.error(unknowns)))
         if residuals[-1] <= options.tolerance:
-            cycle = _settled(problem, unknowns, basis, image, steps, reference, residuals[-1])
+            cycle = _settled(problem, unknowns, basis, image, reference, residuals[-1])
             return ended(NewtonStop.CONVERGED, replace(cycle, linear=linear))
         if residuals[-1] > _DIVERGENCE * min(residuals):
             return given_up(NewtonStop.DIVERGED)
         if len(updates) == options.iterations:
             return given_up(NewtonStop.ITERATIONS)
-        linear = _linearise(problem, unknowns, basis, image, steps, reference)
+        linear = _linearise(problem, basis, image, reference)
+        image = linear.image  # frees the factors before the next pass makes its own
         update = _solve_bordered(problem, linear, constraint.row, constraint.gap(unknowns), image.phase)
         if update is None:
             return ended(NewtonStop.SINGULAR)
@@ -269,22 +267,16 @@ def correct(
 
 
 def is_rounding(
-    period_map: PeriodMap,
-    place: tuple[Vector, Vector, float, int],
-    reference: PhaseReference | None,
-    sizes: Sequence[float],
+    period_map: PeriodMap, start: OrbitStart, reference: PhaseReference | None, sizes: Sequence[float]
 ) -> bool:
-    """Whether an iteration whose residuals had these ``sizes`` stagnates because of rounding at its ``place``
-    (state, parameters, period, steps): the last digits of the state change the residual by as much.
+    """Whether an iteration whose residuals had these ``sizes`` stagnates because of rounding: the last digits
+    of the state at the ``start`` change the residual by as much.
     """
     if len(sizes) < 2 or sizes[-1] < _STAGNANT * min(sizes[:-1]):
         return False
-    state, parameters, period, steps = place
-    nudged = state * (1.0 + _NUDGE)
-    here, beside = (
-        period_map.evaluate(start, parameters, period, steps, reference=reference)
-        for start in (state, nudged)
-    )
+    state, nudged = start.state, start.state * (1.0 + _NUDGE)
+    here = period_map.evaluate(*start, reference=reference)
+    beside = period_map.evaluate(*start._replace(state=nudged), reference=reference)
     if not (here.finite and beside.finite):
         return False
     moved = here.state - state + nudged  # where the nudged state would arrive with the residual of the other
@@ -301,14 +293,14 @@ def tangent_at(
     corrector's last iteration where it still holds.
     """
     unknowns, basis = cycle.unknowns, cycle.basis
-    exact = replace(cycle.image, state=unknowns.state)
+    exact = replace(cycle.image, state=cycle.image.start.state)
     linear = None if cycle.linear is None else _carried_over(cycle.linear, basis, exact)
     if linear is not None:
         following = _next_sweep(basis, linear.sources, linear.swept_image)
         if not _changes_little(following, linear.swept, linear.sources, problem.options.picard_tolerance):
             linear = None
     if linear is None:
-        linear = _linearise(problem, unknowns, basis, exact, cycle.steps, reference)
+        linear = _linearise(problem, basis, exact, reference)
     direction = _solve_bordered(problem, linear, row, -1.0, 0.0)
     if direction is None or problem.period_map.autonomous:
         return direction
@@ -324,8 +316,8 @@ def null_directions(
 
     They span the null space of the system of the corrector without its closing row; elsewhere only one does.
     """
-    exact = replace(cycle.image, state=cycle.unknowns.state)
-    linear = _linearise(problem, cycle.unknowns, cycle.basis, exact, cycle.steps, reference)
+    exact = replace(cycle.image, state=cycle.image.start.state)
+    linear = _linearise(problem, cycle.basis, exact, reference)
     matrix, _ = _cycle_rows(problem, linear, 0.0)
     first, second = np.linalg.svd(matrix)[2][-2:]
     return _as_unknowns(problem, linear, first, 0.0), _as_unknowns(problem, linear, second, 0.0)
@@ -388,13 +380,13 @@ def reference_of(problem: CycleProblem, unknowns: Unknowns, steps: int) -> Phase
 def _evaluate(
     problem: CycleProblem, unknowns: Unknowns, basis: Matrix, steps: int, reference: PhaseReference | None
 ) -> PeriodImage:
-    """phi(s), M V, phi_l, phi_T and the phase rows in one pass."""
+    """phi(s), M V, phi_l, phi_T and the phase rows in one pass that keeps its factors."""
     parameters = problem.parameters_at(unknowns.parameter)
     inhomogeneous = [problem.period_map.parameter_column(problem.index, parameters)]
     if problem.period_map.autonomous:
         inhomogeneous.append(Inhomogeneity(period_rate=1.0))
     return problem.period_map.evaluate(
-        unknowns.state, parameters, unknowns.period, steps, basis, tuple(inhomogeneous), reference
+        unknowns.state, parameters, unknowns.period, steps, basis, tuple(inhomogeneous), reference, True
     )
 
 
@@ -408,15 +400,11 @@ def _update_norm(problem: CycleProblem, update: Unknowns, reached: Unknowns, ima
 
 
 def _linearise(
-    problem: CycleProblem,
-    unknowns: Unknowns,
-    basis: Matrix,
-    image: PeriodImage,
-    steps: int,
-    reference: PhaseReference | None,
+    problem: CycleProblem, basis: Matrix, image: PeriodImage, reference: PhaseReference | None
 ) -> Linearisation:
     """Picard part: q_x <- Q (M q_x + x) for x = r, phi_l, phi_T until the update is small against q_x."""
-    residual = image.state - unknowns.state
+    passed, image = image, image.without_factors()
+    residual = image.state - image.start.state
     sources = np.column_stack([residual, image.inhomogeneous])
     options = problem.options
     swept = sources - basis @ (basis.T @ sources)
@@ -424,11 +412,8 @@ def _linearise(
     if basis.shape[0] == basis.shape[1]:
         swept = np.zeros_like(sources)
         return Linearisation(image, basis, residual, sources, swept, swept_image, swept_phase)
-    parameters = problem.parameters_at(unknowns.parameter)
     for _ in range(options.picard_sweeps):
-        passed = problem.period_map.evaluate(
-            unknowns.state, parameters, unknowns.period, steps, swept, (), reference
-        )
+        passed = problem.period_map.with_columns(passed, swept, reference)
         swept_image, swept_phase = passed.columns, passed.phase_columns
         following = _next_sweep(basis, sources, swept_image)
         if _changes_little(following, swept, sources, options.picard_tolerance):
@@ -490,7 +475,6 @@ def _settled(
     unknowns: Unknowns,
     basis: Matrix,
     image: PeriodImage,
-    steps: int,
     reference: PhaseReference | None,
     residual: float,
 ) -> Cycle:
@@ -502,6 +486,7 @@ def _settled(
         if np.all(spectrum.residuals[checked] <= options.multiplier_tolerance):
             break
         basis = _next_basis(image.columns)
-        image = _evaluate(problem, unknowns, basis, steps, reference)
+        image = _evaluate(problem, unknowns, basis, image.start.steps, reference)
         spectrum = floquet_spectrum(basis, image.columns)
-    return Cycle(unknowns, problem.parameters_at(unknowns.parameter), basis, image, spectrum, residual, steps)
+    parameters, steps = image.start.parameters, image.start.steps
+    return Cycle(unknowns, parameters, basis, image.without_factors(), spectrum, residual, steps)

@@ -114,9 +114,7 @@ class History:
 
     def given_up(self, stop: NewtonStop, at: MapAt) -> CurveCorrection:
         """The end of an iteration that did not converge, by rounding where that is why."""
-        parameters = at.problem.parameters_at(at.position)
-        place = at.position.state, parameters, at.position.period, at.steps
-        rounding = is_rounding(at.problem.period_map, place, at.reference, self._sizes)
+        rounding = is_rounding(at.problem.period_map, at.orbit_start, at.reference, self._sizes)
         return self.ended(NewtonStop.ROUNDING if rounding else stop)
 
     @property

@@ -34,7 +34,12 @@ from pipelines.bifurcations.critical.critical_cycles import (
     critical_pass,
     swept_pass,
 )
-from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation, ManifoldStep, manifold_step
+from pipelines.bifurcations.critical.cycle_manifold import (
+    ManifoldLinearisation,
+    ManifoldStep,
+    Swept,
+    manifold_step,
+)
 from pipelines.bifurcations.critical.extended_system import correct_extended
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem, MapAt, PlaneMetric, Position
@@ -85,7 +90,7 @@ def with_converged_multipliers(found: CriticalCycle, frame: Frame, tolerance: fl
         image = at.full_pass(np.hstack([basis, vectors.columns]))
     if basis is found.basis:
         return found
-    passed = swept_pass(at, basis, vectors, image, found.linear)
+    passed = swept_pass(at, basis, vectors, image, found.linear.swept)
     critical = critical_of(passed, frame)
     return found if critical is None else CriticalCycle(passed.linear, critical, found.gradient)
 
@@ -94,9 +99,9 @@ def _correct_bordered(at: MapAt, constraint: CurveConstraint, basis: Matrix, fra
     history, vectors = History(), vectors_of(frame, at.problem.kind)
     gradient, last = constraint.gradient, 0.0
     moved: Position | None = None
-    linear: ManifoldLinearisation | None = None
+    warm: Swept | None = None
     for _ in range(at.problem.options.iterations + 1):
-        passed = critical_pass(at, basis, vectors, linear)
+        passed = critical_pass(at, basis, vectors, warm)
         if passed is None:
             return history.ended(NewtonStop.NON_FINITE)
         critical = critical_of(passed, frame)
@@ -125,6 +130,8 @@ def _correct_bordered(at: MapAt, constraint: CurveConstraint, basis: Matrix, fra
         moved, last = step.correction.plus(step.across, beta), critical.value
         at, basis = at.beside(moved, 1.0), following(basis, linear.image.columns)
         vectors = Vectors(critical.right, critical.right_period or 0.0)
+        warm = linear.swept
+        del passed, linear  # free the factors before the next pass makes its own
     return history.given_up(NewtonStop.ITERATIONS, at)
 
 

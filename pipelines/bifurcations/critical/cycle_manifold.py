@@ -42,6 +42,7 @@ class Swept:
 
 def sweep(
     at: MapAt,
+    passed: PeriodImage,
     basis: Matrix,
     sources: Matrix,
     inverse: Matrix,
@@ -51,9 +52,10 @@ def sweep(
 ) -> Swept:
     """Picard sweeps q <- Q (M q + x) A^-1 outside the slow subspace; ``inverse`` (c, c) is A^-1.
 
-    They converge like abs(mu_neglected / eigenvalue of A), until the change of every column is below its
-    ``tolerance`` times the size of its source, or without influence on the corrector: ``sizes`` of the
-    columns are what its tolerance is relative to.
+    They go along the orbit of an image that was ``passed`` at the position, and converge like
+    abs(mu_neglected / eigenvalue of A), until the change of every column is below its ``tolerance`` times the
+    size of its source, or without influence on the corrector: ``sizes`` of the columns are what its tolerance
+    is relative to.
     """
     zeros = np.zeros_like(sources)
     if basis.shape[0] == basis.shape[1]:
@@ -63,7 +65,7 @@ def sweep(
     enough = tolerance * np.linalg.norm(sources, axis=0) + _NO_INFLUENCE * options.tolerance * sizes
     image, phase = zeros, np.zeros(sources.shape[1])
     for _ in range(options.picard_sweeps):
-        passed = at.tangent(swept)
+        passed = at.with_columns(passed, swept)
         image, phase = passed.columns, passed.phase_columns
         following = outside(basis, image + sources) @ inverse
         if np.all(np.linalg.norm(following - swept, axis=0) <= enough):
@@ -81,7 +83,8 @@ def outside(basis: Matrix, columns: Matrix) -> Matrix:
 class ManifoldLinearisation:
     """The map and its derivatives at a position near the surface of cycles.
 
-    ``sources`` (N, 3 or 4): r, phi_1, phi_2 and phi_T; ``swept``: their Picard parts.
+    ``image``: the full pass, with its factors; ``sources`` (N, 3 or 4): r, phi_1, phi_2 and phi_T;
+    ``swept``: their Picard parts.
     """
 
     at: MapAt
@@ -100,6 +103,10 @@ class ManifoldLinearisation:
         """The size of the states on the orbit."""
         return self.at.problem.period_map.scale(self.image.orbit)
 
+    def mapped(self, columns: Matrix) -> Matrix:
+        """M columns, along the orbit of the full pass."""
+        return self.at.with_columns(self.image, columns).columns
+
     @property
     def period_unit(self) -> float:
         """As the function."""
@@ -112,18 +119,13 @@ def period_unit(at: MapAt, image: PeriodImage) -> float:
 
 
 def linearise(
-    at: MapAt,
-    basis: Matrix,
-    image: PeriodImage,
-    defect: Matrix,
-    inverse: Matrix,
-    warm: ManifoldLinearisation | None = None,
+    at: MapAt, basis: Matrix, image: PeriodImage, defect: Matrix, inverse: Matrix, warm: Swept | None = None
 ) -> tuple[ManifoldLinearisation, Swept]:
     """The Picard parts that belong to a full pass, and in the same sweeps those of a ``defect`` (N, m) of
     critical vectors: q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
 
-    ``warm``: the last linearisation, whose q_j are first guesses.  The residual and the defect are swept less
-    sharply than the derivatives: what is left of them is corrected in the next iteration.
+    ``warm``: the Picard parts of the last position, whose q_j are first guesses.  The residual and the defect
+    are swept less sharply than the derivatives: what is left of them is corrected in the next iteration.
     """
     sources = np.column_stack([image.state - at.position.state, image.inhomogeneous])
     count, riders = sources.shape[1], defect.shape[1]
@@ -135,10 +137,10 @@ def linearise(
     guess = None
     if warm is not None:
         guess = together @ both
-        guess[:, 1:count] = warm.swept.columns[:, 1:]
+        guess[:, 1:count] = warm.columns[:, 1:]
     sizes = np.full(count + riders, at.problem.period_map.scale(image.orbit))
     sizes[count:] = 1.0
-    swept = sweep(at, basis, together, both, tolerances, guess, sizes)
+    swept = sweep(at, image, basis, together, both, tolerances, guess, sizes)
     surface = Swept(swept.columns[:, :count], swept.image[:, :count], swept.phase[:count])
     rest = Swept(swept.columns[:, count:], swept.image[:, count:], swept.phase[count:])
     return ManifoldLinearisation(at, basis, image, sources, surface), rest

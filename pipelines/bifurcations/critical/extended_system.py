@@ -64,7 +64,7 @@ def correct_extended(at: MapAt, constraint: CurveConstraint, basis: Matrix, fram
         if iteration == 0:
             passed = _mapped(opening, vectors)
         else:
-            following_pass = critical_pass(at, basis, Vectors(vectors), passed.linear)
+            following_pass = critical_pass(at, basis, Vectors(vectors), passed.linear.swept)
             if following_pass is None:
                 return history.ended(NewtonStop.NON_FINITE)
             passed = following_pass
@@ -95,7 +95,7 @@ def correct_extended(at: MapAt, constraint: CurveConstraint, basis: Matrix, fram
 
 def _mapped(opening: CriticalPass, vectors: Matrix) -> CriticalPass:
     """The opening pass with other critical vectors, for the price of their columns alone."""
-    mapped = opening.linear.at.tangent(vectors).columns
+    mapped = opening.linear.mapped(vectors)
     return replace(opening, vectors=Vectors(vectors), defect=mapped - vectors @ opening.matrix)
 
 
@@ -148,7 +148,7 @@ def _extended_step(
         parts.append(-vectors @ derivative)
     inverse = np.kron(np.eye(len(parts)), np.linalg.inv(matrix))
     sources = np.hstack(parts)
-    swept = sweep(at, basis, sources, inverse, at.problem.options.picard_tolerance)
+    swept = sweep(at, linear.image, basis, sources, inverse, at.problem.options.picard_tolerance)
     solution = _solve_slow(linear, matrix, sources, swept, _normalisations(vectors, reference))
     if solution is None:
         return None

@@ -2,4 +2,5 @@
 
 - propagation: explicit Runge-Kutta steppers
 - implicit: diagonally implicit Runge-Kutta steppers
+- passes: how both are called
 """
