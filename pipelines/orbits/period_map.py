@@ -62,7 +62,7 @@ class OrbitStart(NamedTuple):
 
 @dataclass(frozen=True)
 class PeriodImage:
-    """What one pass over the period reperiod_multiple.
+    """What one pass over the period returns.
 
     ``state`` (size,), ``columns`` (size, m): M applied to the block; ``inhomogeneous`` (size, k): derivatives
     of the map; ``orbit`` (samples, size) at tau1 = k/samples; ``phase``, ``phase_columns`` (m,),

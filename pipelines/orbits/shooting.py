@@ -486,7 +486,7 @@ def _settled(
         if np.all(spectrum.residuals[checked] <= options.multiplier_tolerance):
             break
         basis = _next_basis(image.columns)
-        image = _evaluate(problem, unknowns, basis, image.start.steps, reference)
+        image = problem.period_map.with_columns(image, basis, reference)
         spectrum = floquet_spectrum(basis, image.columns)
     parameters, steps = image.start.parameters, image.start.steps
     return Cycle(unknowns, parameters, basis, image.without_factors(), spectrum, residual, steps)

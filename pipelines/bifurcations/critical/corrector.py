@@ -87,7 +87,7 @@ def with_converged_multipliers(found: CriticalCycle, frame: Frame, tolerance: fl
         if np.all(spectrum.residuals[np.abs(spectrum.multipliers) > options.checked_modulus] <= tolerance):
             break
         basis = following(basis, image.columns[:, : basis.shape[1]])
-        image = at.full_pass(np.hstack([basis, vectors.columns]))
+        image = at.with_columns(image, np.hstack([basis, vectors.columns]))
     if basis is found.basis:
         return found
     passed = swept_pass(at, basis, vectors, image, found.linear.swept)
