@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pipelines.orbits.period_map import PeriodMap
+from pipelines.orbits.period_map import OrbitStart, PeriodMap
 from pipelines.orbits.system import Matrix, Vector
 
 Complex = NDArray[np.complex128]
@@ -87,9 +87,7 @@ def deterministic_block(size: int, columns: int, first: int = 0) -> Matrix:
     return (row * math.sqrt(2.0) + column * math.sqrt(3.0) + row * column * math.sqrt(5.0)) % 1.0 - 0.5
 
 
-def starting_basis(
-    period_map: PeriodMap, state: Vector, parameters: Vector, period: float, steps: int, options: BasisOptions
-) -> Matrix:
+def starting_basis(period_map: PeriodMap, start: OrbitStart, options: BasisOptions) -> Matrix:
     """A slow basis from nothing: subspace iteration on a fixed block, enlarged until the smallest multiplier
     is below the cut.  The identity, and so the plain Newton method, when the system is no larger than the
     initial block.
@@ -98,7 +96,7 @@ def starting_basis(
     if size <= options.initial_columns:
         return np.eye(size)
     basis = orthonormal(deterministic_block(size, options.initial_columns))
-    image = period_map.evaluate(state, parameters, period, steps, basis, keep_factors=True)
+    image = period_map.evaluate(*start, basis, keep_factors=True)
     for sweep in itertools.count(1):
         if not np.all(np.isfinite(image.columns)):
             break

@@ -148,6 +148,11 @@ class CycleProblem:
         parameters[self.index] = value
         return parameters
 
+    def orbit_start(self, unknowns: Unknowns, steps: int) -> OrbitStart:
+        """What the orbit through ``unknowns`` depends on."""
+        parameters = self.parameters_at(unknowns.parameter)
+        return OrbitStart(unknowns.state, parameters, unknowns.period, steps)
+
     def consistent(self, unknowns: Unknowns) -> Unknowns:
         """The unknowns with the period of the forcing in a stroboscopic map; unchanged when T is unknown."""
         if self.period_map.autonomous:
@@ -353,11 +358,8 @@ def _changes_little(following: Matrix, swept: Matrix, sources: Matrix, tolerance
 
 def first_basis(problem: CycleProblem, guess: Unknowns, steps: int) -> Matrix:
     """A slow basis for a guess that has none."""
-    guess = problem.consistent(guess)
-    parameters = problem.parameters_at(guess.parameter)
-    return starting_basis(
-        problem.period_map, guess.state, parameters, guess.period, steps, problem.options.basis
-    )
+    start = problem.orbit_start(problem.consistent(guess), steps)
+    return starting_basis(problem.period_map, start, problem.options.basis)
 
 
 def following_basis(problem: CycleProblem, cycle: Cycle) -> Matrix:
@@ -372,22 +374,20 @@ def reference_of(problem: CycleProblem, unknowns: Unknowns, steps: int) -> Phase
     """
     if not problem.period_map.autonomous:
         return None
-    parameters = problem.parameters_at(unknowns.parameter)
-    image = problem.period_map.evaluate(unknowns.state, parameters, unknowns.period, steps)
-    return problem.period_map.phase_reference(image.orbit, parameters, unknowns.period)
+    start = problem.orbit_start(unknowns, steps)
+    image = problem.period_map.evaluate(*start)
+    return problem.period_map.phase_reference(image.orbit, start.parameters, start.period)
 
 
 def _evaluate(
     problem: CycleProblem, unknowns: Unknowns, basis: Matrix, steps: int, reference: PhaseReference | None
 ) -> PeriodImage:
     """phi(s), M V, phi_l, phi_T and the phase rows in one pass that keeps its factors."""
-    parameters = problem.parameters_at(unknowns.parameter)
-    inhomogeneous = [problem.period_map.parameter_column(problem.index, parameters)]
+    start = problem.orbit_start(unknowns, steps)
+    inhomogeneous = [problem.period_map.parameter_column(problem.index, start.parameters)]
     if problem.period_map.autonomous:
         inhomogeneous.append(Inhomogeneity(period_rate=1.0))
-    return problem.period_map.evaluate(
-        unknowns.state, parameters, unknowns.period, steps, basis, tuple(inhomogeneous), reference, True
-    )
+    return problem.period_map.evaluate(*start, basis, tuple(inhomogeneous), reference, keep_factors=True)
 
 
 def _update_norm(problem: CycleProblem, update: Unknowns, reached: Unknowns, image: PeriodImage) -> float:

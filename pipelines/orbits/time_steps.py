@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from pipelines.orbits.period_map import PeriodImage, PeriodMap
+from pipelines.orbits.period_map import OrbitStart, PeriodImage, PeriodMap
 from pipelines.orbits.shooting import Cycle, CycleProblem, NewtonStop, ShootingOptions, Unknowns
 from pipelines.orbits.steppers import ImplicitStepper, Stepper
 from pipelines.orbits.system import Matrix, Vector
@@ -64,17 +64,17 @@ class RequiredSteps:
 
 def first_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonStop:
     """Steps per period with which to correct a guess that is not yet a cycle, or why there are none."""
-    period_map, guess = problem.period_map, problem.consistent(guess)
-    parameters = problem.parameters_at(guess.parameter)
+    period_map = problem.period_map
     if period_map.steps_per_period is not None:
         return period_map.rounded_steps(period_map.steps_per_period)
     if not isinstance(period_map.stepper, ImplicitStepper):
-        return _first_stable_steps(period_map, guess, parameters)
+        return _first_stable_steps(problem, guess)
     steps = 2 * _FEWEST * period_map.period_multiple
-    coarse = period_map.evaluate(guess.state, parameters, guess.period, steps)
+    start = problem.orbit_start(problem.consistent(guess), steps)
+    coarse = period_map.evaluate(*start)
     while steps < _MOST:
         steps *= 2
-        fine = period_map.evaluate(guess.state, parameters, guess.period, steps)
+        fine = period_map.evaluate(*start._replace(steps=steps))
         resolved = _RESOLVED * period_map.scale(fine.orbit)
         if fine.finite and coarse.finite and np.max(np.abs(fine.state - coarse.state)) <= resolved:
             return steps // 2
@@ -82,18 +82,18 @@ def first_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonStop:
     return steps
 
 
-def _first_stable_steps(period_map: PeriodMap, guess: Unknowns, parameters: Vector) -> int | NewtonStop:
+def _first_stable_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonStop:
     """Steps that are stable along their own orbit: more until they are, beginning with what is stable at the
     start.
     """
-    start = np.ascontiguousarray(guess.state[None, :])
-    steps = _stable_along(period_map, start, parameters, guess.period)
+    period_map, start = problem.period_map, problem.orbit_start(problem.consistent(guess), 1)
+    steps = _stable_along(period_map, np.ascontiguousarray(start.state[None, :]), start)
     reached = -1
     while steps <= MOST_STEPS:
-        image = period_map.evaluate(guess.state, parameters, guess.period, steps)
+        image = period_map.evaluate(*start._replace(steps=steps))
         known = image.orbit[np.all(np.isfinite(image.orbit), axis=1)]
         if image.finite:
-            needed = _stable_along(period_map, known, parameters, guess.period)
+            needed = _stable_along(period_map, known, start)
             if needed <= steps:
                 return steps
             steps = min(needed, 2 * steps)
@@ -116,11 +116,11 @@ def stable_steps(period_map: PeriodMap, radius: float, period: float) -> int:
     return period_map.rounded_steps(steps)
 
 
-def _stable_along(period_map: PeriodMap, orbit: Matrix, parameters: Vector, period: float) -> int:
-    """Steps that are stable along an orbit (samples, size)."""
+def _stable_along(period_map: PeriodMap, orbit: Matrix, start: OrbitStart) -> int:
+    """Steps that are stable along the ``orbit`` (samples, size) from a ``start``."""
     fixed = period_map.steps_per_period is not None
-    radius = 0.0 if fixed else spectral_radius(period_map, orbit, parameters)
-    return stable_steps(period_map, radius, period)
+    radius = 0.0 if fixed else spectral_radius(period_map, orbit, start.parameters)
+    return stable_steps(period_map, radius, start.period)
 
 
 def spectral_radius(period_map: PeriodMap, orbit: Matrix, parameters: Vector) -> float:
@@ -157,7 +157,7 @@ def required_steps_at(
     start, stable = image.start, 0
     steps = start.steps
     if not isinstance(period_map.stepper, ImplicitStepper):
-        stable = min(MOST_STEPS, _stable_along(period_map, image.orbit, start.parameters, start.period))
+        stable = min(MOST_STEPS, _stable_along(period_map, image.orbit, start))
     projected = basis.T @ image.columns[:, : basis.shape[1]]
     half = period_map.rounded_steps(max(1, steps // 2))
     finer = period_map.rounded_steps(math.ceil(_FINER * steps))

@@ -54,8 +54,7 @@ def passes_own_doubling(segment: Segment) -> bool:
     if halved_map(segment.problem.period_map) is None:
         return False
     start, problem = segment.start, segment.problem
-    parameters = problem.parameters_at(start.parameter)
-    before = problem.period_map.evaluate(start.state, parameters, start.period, segment.end.steps)
+    before = problem.period_map.evaluate(*problem.orbit_start(start, segment.end.steps))
     return bool(_halves_apart(before.orbit) @ _halves_apart(segment.end.image.orbit) < 0.0)
 
 
