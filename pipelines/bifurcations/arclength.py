@@ -61,10 +61,10 @@ from pipelines.orbits.shooting import (
     reference_of,
     tangent_at,
 )
-from pipelines.orbits.time_steps import StepDemand, first_steps, following_steps, step_demand
+from pipelines.orbits.time_steps import RequiredSteps, first_steps, next_steps, required_steps
 from pipelines.orbits.vectors import Constraint
 
-_NO_DEMAND = StepDemand(0, math.nan)  # of a correction without a cycle
+_NO_STEPS = RequiredSteps(0, math.nan)  # of a correction without a cycle
 _TWICE = "a multiplier crosses the unit circle and returns within the step"
 _UNEXPLAINED = "the number of unstable multipliers changes without an event to explain it"
 
@@ -116,7 +116,7 @@ class _Branch(Tracer[BranchState, _Step]):
         first = _first_cycle(problem, start)
         if isinstance(first, Rejected):
             return first
-        correction, cycle, demand, reference = first
+        correction, cycle, required, reference = first
         row = Unknowns(np.zeros(problem.period_map.size), 0.0, float(options.direction))
         tangent = tangent_at(problem, cycle, row, reference)
         if tangent is None:
@@ -134,7 +134,7 @@ class _Branch(Tracer[BranchState, _Step]):
             step=options.step,
             arclength=0.0,
             steps=cycle.steps,
-            step_error=demand.error,
+            step_error=required.error,
             basis=following_basis(problem, cycle),
             multipliers=cycle.spectrum.multipliers,
             previous_multipliers=np.zeros(0, dtype=complex),
@@ -143,7 +143,7 @@ class _Branch(Tracer[BranchState, _Step]):
             start_period=at.period,
             start_parameter=at.parameter,
         )
-        return _point(problem, correction, cycle, demand, _Found()), state
+        return _point(problem, correction, cycle, required, _Found()), state
 
     def stop_reason(self, state: BranchState) -> BranchStop | None:
         """Why the branch ends at a state; None if it continues."""
@@ -155,9 +155,9 @@ class _Branch(Tracer[BranchState, _Step]):
 
     def attempt(self, state: BranchState) -> _Step | Rejected:
         """One step: predict, correct, test, locate."""
-        steps = following_steps(self.problem, state.steps, state.step_error)
+        steps = next_steps(self.problem, state.steps, state.step_error)
         reference = reference_of(self.problem, state.unknowns, steps)
-        correction, demand = self._predict_and_correct(state, steps, reference)
+        correction, required = self._predict_and_correct(state, steps, reference)
         segment = self._segment(state, correction, reference)
         if isinstance(segment, Rejected):
             return segment
@@ -176,7 +176,7 @@ class _Branch(Tracer[BranchState, _Step]):
             if not shortest:
                 return Rejected(_TWICE)
             found = replace(found, unexplained=True)
-        return _Step(_point(self.problem, correction, segment.end, demand, found), segment, found.located)
+        return _Step(_point(self.problem, correction, segment.end, required, found), segment, found.located)
 
     def advance(self, state: BranchState, step: _Step) -> BranchState:
         """The state after an accepted step; the step length follows the Newton count."""
@@ -239,7 +239,7 @@ class _Branch(Tracer[BranchState, _Step]):
 
     def _predict_and_correct(
         self, state: BranchState, steps: int, reference: PhaseReference | None
-    ) -> tuple[Correction, StepDemand]:
+    ) -> tuple[Correction, RequiredSteps]:
         """Correct the tangent prediction on the arclength row.
 
         Beyond the end of the range the parameter is fixed to that end instead.  Repeated with more
@@ -253,7 +253,7 @@ class _Branch(Tracer[BranchState, _Step]):
         if passed is None:
             correction = correct(problem, guess, constraint, state.basis, steps, reference)
             if correction.cycle is None:
-                return correction, _NO_DEMAND
+                return correction, _NO_STEPS
             guess = correction.cycle.unknowns
             passed = bound_passed((guess.parameter,), ranges)
         if passed is not None:
@@ -263,20 +263,21 @@ class _Branch(Tracer[BranchState, _Step]):
             constraint = problem.fixed_parameter(bound)
             correction = correct(problem, guess, constraint, state.basis, steps, reference)
         if correction.cycle is None:
-            return correction, _NO_DEMAND
-        demand = step_demand(problem, correction.cycle)
-        if demand.steps <= steps:
-            return correction, demand
-        guess, grown = correction.cycle.unknowns, problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
-        again = correct(problem, guess, constraint, correction.cycle.basis, grown, reference)
-        demand = _NO_DEMAND if again.cycle is None else step_demand(problem, again.cycle)
-        return one_history(correction, again), demand
+            return correction, _NO_STEPS
+        required = required_steps(problem, correction.cycle)
+        if required.steps <= steps:
+            return correction, required
+        steps = problem.period_map.rounded_steps(STEP_GROWTH * required.steps)
+        guess, basis = correction.cycle.unknowns, correction.cycle.basis
+        again = correct(problem, guess, constraint, basis, steps, reference)
+        required = _NO_STEPS if again.cycle is None else required_steps(problem, again.cycle)
+        return one_history(correction, again), required
 
 
 def _first_cycle(
     problem: CycleProblem, start: BranchStart
-) -> tuple[Correction, Cycle, StepDemand, PhaseReference | None] | Rejected:
-    """The cycle at the parameter of a guess, with as many time steps as it needs."""
+) -> tuple[Correction, Cycle, RequiredSteps, PhaseReference | None] | Rejected:
+    """The cycle at the parameter of a guess, with as many time steps as it asks for."""
     guess = problem.consistent(Unknowns(np.array(start.state, dtype=float), start.period, start.parameter))
     steps = first_steps(problem, guess)
     if isinstance(steps, NewtonStop):
@@ -287,10 +288,10 @@ def _first_cycle(
         correction = correct(problem, guess, constraint, basis, steps, reference)
         if correction.cycle is None:
             return Rejected(correction.advice)
-        demand = step_demand(problem, correction.cycle)
-        if demand.steps <= steps:
-            return correction, correction.cycle, demand, reference
-        guess, basis, steps = correction.cycle.unknowns, correction.cycle.basis, demand.steps
+        required = required_steps(problem, correction.cycle)
+        if required.steps <= steps:
+            return correction, correction.cycle, required, reference
+        guess, basis, steps = correction.cycle.unknowns, correction.cycle.basis, required.steps
 
 
 @dataclass(frozen=True)
@@ -332,14 +333,14 @@ def _events(segment: Segment, options: DetectionOptions, accept_anyway: bool) ->
 
 
 def _point(
-    problem: CycleProblem, correction: Correction, cycle: Cycle, demand: StepDemand, found: _Found
+    problem: CycleProblem, correction: Correction, cycle: Cycle, required: RequiredSteps, found: _Found
 ) -> BranchPoint:
     return BranchPoint(
         cycle,
         unstable_count(cycle.spectrum.multipliers, problem.period_map.autonomous),
         correction.residual_norms,
         correction.update_norms,
-        demand.error,
+        required.error,
         found.unlocated,
         found.unexplained,
     )

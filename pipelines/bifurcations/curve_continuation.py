@@ -42,7 +42,7 @@ from pipelines.bifurcations.curve import (
 )
 from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end, without_rounding
 from pipelines.bifurcations.curves.double_passages import dip_beyond, dip_through
-from pipelines.bifurcations.curves.first_point import columns_of, curve_metric, demand_of, start_curve
+from pipelines.bifurcations.curves.first_point import columns_of, curve_metric, required_steps_of, start_curve
 from pipelines.bifurcations.curves.segment import (
     Bracket,
     CurveEnd,
@@ -58,7 +58,7 @@ from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import reference_of
 from pipelines.orbits.system import Vector
-from pipelines.orbits.time_steps import following_steps
+from pipelines.orbits.time_steps import next_steps
 
 # The error that time steps leave is noisy beside kinks: a point is corrected again only where it is clearly
 # too large, else the next one has more steps.
@@ -188,7 +188,7 @@ class _Curve(Tracer[CurveState, _Step]):
         problem, options = self.problem, self.options
         metric = curve_metric(problem, options, state.start)
         cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
-        steps = following_steps(cycles, state.steps, state.step_error)
+        steps = next_steps(cycles, state.steps, state.step_error)
         reference = reference_of(cycles, unknowns, steps)
         segment = _predict_and_correct(problem, state, options, metric, steps, reference)
         if isinstance(segment, Rejected):
@@ -272,16 +272,18 @@ def _predict_and_correct(
         guess = found.point.position
     if found is None or found.point is None or bound_passed(guess.parameters, options.ranges) is not None:
         return Rejected("the corrector leaves the ranges of the parameters")
-    demand, newton_iterations = demand_of(problem, found.point, steps), found.iterations
-    enough = demand.error <= _REPEATED * problem.options.step_tolerance
-    if not enough and demand.steps > steps:
-        steps = problem.period_map.rounded_steps(STEP_GROWTH * demand.steps)
+    required, newton_iterations = required_steps_of(problem, found.point), found.iterations
+    enough = required.error <= _REPEATED * problem.options.step_tolerance
+    if not enough and required.steps > steps:
+        steps = problem.period_map.rounded_steps(STEP_GROWTH * required.steps)
         again = correct_critical(problem, guess, constraint, found.point.basis, bordering, steps, reference)
         if again.point is None:
             return Rejected(again.advice)
-        demand = demand_of(problem, again.point, steps)
+        required = required_steps_of(problem, again.point)
         found = one_history(found, again, ("residual_norms", "test_values"))
-    return _segment(problem, state, options, constraint, found, reference, (newton_iterations, demand.error))
+    return _segment(
+        problem, state, options, constraint, found, reference, (newton_iterations, required.error)
+    )
 
 
 def _segment(

@@ -122,18 +122,18 @@ def _locate_birth(segment: Segment, kind: EventKind) -> tuple[LocationStop, Even
     The multipliers of a doubled cycle are the squares of those of the simple cycle.
     """
     doubled = kind is EventKind.OWN_PERIOD_DOUBLING
-    find, turns = (own_doubling, 2) if doubled else (own_pitchfork, 1)
+    find, multiple = (own_doubling, 2) if doubled else (own_pitchfork, 1)
     crossing = find(segment)
     if crossing is None:
         return LocationStop.NOT_CONVERGED, None
-    multipliers = crossing.spectrum.multipliers**turns
+    multipliers = crossing.spectrum.multipliers**multiple
     critical = critical_multiplier(kind, multipliers, segment.problem.period_map.autonomous)
     assert critical is not None
     return LocationStop.LOCATED, Event(
         kind=kind,
         parameters=crossing.parameters,
         state=crossing.unknowns.state,
-        period=turns * crossing.unknowns.period,
+        period=multiple * crossing.unknowns.period,
         multipliers=multipliers,
         critical=critical,
         angle=0.0,
@@ -141,7 +141,7 @@ def _locate_birth(segment: Segment, kind: EventKind) -> tuple[LocationStop, Even
         resonance=Resonance.NONE,
         residual=_distance(kind, critical),
         fraction=0.5,
-        steps=turns * crossing.steps,
+        steps=multiple * crossing.steps,
         direction=segment.direction(0.5),
     )
 

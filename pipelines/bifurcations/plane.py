@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from pipelines.bifurcations.detection import EventKind
-from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, PhaseReference
+from pipelines.orbits.period_map import Inhomogeneity, OrbitStart, PeriodImage, PeriodMap, PhaseReference
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions, Unknowns
 from pipelines.orbits.system import Matrix, Vector
 from pipelines.orbits.vectors import Combination, Metric
@@ -128,18 +128,31 @@ class MapAt:
     steps: int
     reference: PhaseReference | None
 
+    @property
+    def orbit_start(self) -> OrbitStart:
+        """What the orbit depends on."""
+        at = self.position
+        return OrbitStart(at.state, self.problem.parameters_at(at), at.period, self.steps)
+
     def full_pass(self, columns: Matrix) -> PeriodImage:
-        """phi(s), M columns, phi_1, phi_2, phi_T (when the period is unknown) and the phase rows."""
+        """One pass with all derivatives and the factors for further columns.
+
+        phi(s), M columns, phi_1, phi_2, phi_T (when the period is unknown) and the phase rows.
+        """
         period_map = self.problem.period_map
         parameters = self.problem.parameters_at(self.position)
         inhomogeneous = [period_map.parameter_column(index, parameters) for index in self.problem.indices]
         if period_map.autonomous:
             inhomogeneous.append(Inhomogeneity(period_rate=1.0))
-        return self._evaluate(columns, tuple(inhomogeneous))
+        return self._evaluate(columns, tuple(inhomogeneous), keep_factors=True)
 
-    def tangent(self, columns: Matrix, period_column: bool = False, once: bool = False) -> PeriodImage:
-        """M columns, and phi_T when asked for; ``once`` as in `PeriodMap.evaluate`."""
-        return self._evaluate(columns, (Inhomogeneity(period_rate=1.0),) if period_column else (), once)
+    def tangent(self, columns: Matrix, period_column: bool = False) -> PeriodImage:
+        """M columns, and phi_T when asked for."""
+        return self._evaluate(columns, (Inhomogeneity(period_rate=1.0),) if period_column else ())
+
+    def with_columns(self, image: PeriodImage, columns: Matrix) -> PeriodImage:
+        """The image of a pass at this position with M columns, as in ``PeriodMap.with_columns``."""
+        return self.problem.period_map.with_columns(image, columns, self.reference)
 
     def beside(self, direction: Position, distance: float) -> MapAt:
         """The map at position + distance direction, with the period of the forcing there."""
@@ -153,18 +166,10 @@ class MapAt:
         return float(np.linalg.norm(columns))
 
     def _evaluate(
-        self, columns: Matrix, inhomogeneous: tuple[Inhomogeneity, ...], once: bool = False
+        self, columns: Matrix, inhomogeneous: tuple[Inhomogeneity, ...], keep_factors: bool = False
     ) -> PeriodImage:
-        position = self.position
         return self.problem.period_map.evaluate(
-            position.state,
-            self.problem.parameters_at(position),
-            position.period,
-            self.steps,
-            columns,
-            inhomogeneous,
-            self.reference,
-            once,
+            *self.orbit_start, columns, inhomogeneous, self.reference, keep_factors
         )
 
 
@@ -186,7 +191,7 @@ def map_slopes(
     for direction in directions:
         distance = _SHIFT * scale / metric.largest(direction)
         sides = [
-            at.beside(direction, side * distance).tangent(columns, weights is not None, once=True)
+            at.beside(direction, side * distance).tangent(columns, weights is not None)
             for side in (1.0, -1.0)
         ]
         images = [_weighted(image, weights) for image in sides]

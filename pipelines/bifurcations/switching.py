@@ -90,7 +90,7 @@ def curve_of_second(
 class NewBranch:
     """The start of a branch of other cycles, for ``continue_branch(problem, start, ...)``.
 
-    ``problem``: with twice the turns (or the period) per cycle at a period doubling, the same at a branch
+    ``problem``: with twice the period per cycle at a period doubling, the same at a branch
     point; ``direction``: the sense of the parameter in which the branch leaves the bifurcation.
     """
 
@@ -184,19 +184,18 @@ def _near(moved: Unknowns, predicted: Unknowns, known: Unknowns) -> bool:
 
 
 def doubled_map(period_map: PeriodMap) -> PeriodMap:
-    """The map over two periods: twice the turns of the forcing, twice the samples and the steps."""
-    turns = period_map.turns if period_map.system.forcing is None else 2 * period_map.turns
+    """The map over two periods: twice the periods of the forcing, twice the samples and the steps."""
     steps = None if period_map.steps_per_period is None else 2 * period_map.steps_per_period
-    minimum = period_map.minimum_steps * 2 if turns == period_map.turns else period_map.minimum_steps
-    return replace(
-        period_map, turns=turns, samples=2 * period_map.samples, steps_per_period=steps, minimum_steps=minimum
-    )
+    doubled = replace(period_map, samples=2 * period_map.samples, steps_per_period=steps)
+    if period_map.system.forcing is None:
+        return replace(doubled, minimum_steps=2 * period_map.minimum_steps)
+    return replace(doubled, period_multiple=2 * period_map.period_multiple)
 
 
-def with_multiplied_period(problem: CycleProblem, turns: int) -> CycleProblem:
-    """The problem for cycles that close after `turns` (1, 2, 4, ...) times the simple period."""
+def with_multiplied_period(problem: CycleProblem, period_multiple: int) -> CycleProblem:
+    """The same problem for cycles that close after so many (1, 2, 4, ...) times the simple period."""
     period_map = problem.period_map
-    for _ in range(turns.bit_length() - 1):
+    for _ in range(period_multiple.bit_length() - 1):
         period_map = doubled_map(period_map)
     return replace(problem, period_map=period_map)
 

@@ -7,6 +7,7 @@ angle between V and the eigenvector of mu shrinks by abs(mu_neglected / mu).
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -14,11 +15,12 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pipelines.orbits.period_map import PeriodMap
+from pipelines.orbits.period_map import OrbitStart, PeriodMap
 from pipelines.orbits.system import Matrix, Vector
 
 Complex = NDArray[np.complex128]
 
+_SWEEPS = 3  # of subspace iteration with one number of columns
 _CLUSTER_COLUMNS = 8  # so many multipliers within one ratio are a cluster, not isolated modes
 _CLUSTER_RATIO = 1.5
 _CLUSTER_MODULUS = 0.3  # above it a cluster must be resolved: Picard sweeps would converge too slowly
@@ -87,28 +89,29 @@ def deterministic_block(size: int, columns: int, first: int = 0) -> Matrix:
     return (row * math.sqrt(2.0) + column * math.sqrt(3.0) + row * column * math.sqrt(5.0)) % 1.0 - 0.5
 
 
-def starting_basis(
-    period_map: PeriodMap, state: Vector, parameters: Vector, period: float, steps: int, options: BasisOptions
-) -> Matrix:
+def starting_basis(period_map: PeriodMap, start: OrbitStart, options: BasisOptions) -> Matrix:
     """A slow basis without an earlier one, by subspace iteration on a fixed block.
 
     The block is enlarged until the smallest multiplier is below the cut.  The identity, and so the plain
     Newton method, when the system is no larger than the initial block.
     """
-    size, sweeps = period_map.size, 3
+    size = period_map.size
     if size <= options.initial_columns:
         return np.eye(size)
     basis = orthonormal(deterministic_block(size, options.initial_columns))
-    while True:
-        for _ in range(sweeps):
-            image = period_map.evaluate(state, parameters, period, steps, basis).columns
-            if not np.all(np.isfinite(image)):
-                return basis
-            basis, previous = orthonormal(image), basis
-        wanted = wanted_columns(np.abs(np.linalg.eigvals(previous.T @ image)), size, options)
-        if wanted <= basis.shape[1]:
-            return basis
-        basis = enlarge(basis, min(size, options.maximum_columns, max(wanted, basis.shape[1] + 8)))
+    image = period_map.evaluate(*start, basis, keep_factors=True)
+    for sweep in itertools.count(1):
+        if not np.all(np.isfinite(image.columns)):
+            break
+        basis, previous = orthonormal(image.columns), basis
+        if sweep % _SWEEPS == 0:
+            moduli = np.abs(np.linalg.eigvals(previous.T @ image.columns))
+            wanted = wanted_columns(moduli, size, options)
+            if wanted <= basis.shape[1]:
+                break
+            basis = enlarge(basis, min(size, options.maximum_columns, max(wanted, basis.shape[1] + 8)))
+        image = period_map.with_columns(image, basis)
+    return basis
 
 
 def wanted_columns(moduli: Vector, size: int, options: BasisOptions) -> int:

@@ -60,16 +60,16 @@ class CycleShape:
 
 
 def cycle_shape(
-    machine: Machine, orbit: Array, parameters: Array, turns: int = 1, snapshots: int = 8
+    machine: Machine, orbit: Array, parameters: Array, period_multiple: int = 1, snapshots: int = 8
 ) -> CycleShape:
     """Describe an orbit (samples, N or more) given at equal fractions of the period.
 
-    The period is ``turns`` forcing periods long.
+    The period is ``period_multiple`` forcing periods long.
     """
     extended, oscillator = orbit.shape[1] > machine.size, orbit[:, machine.size :]
     orbit = np.ascontiguousarray(orbit[:, : machine.size])
     samples = orbit.shape[0]
-    phases = 2.0 * np.pi * turns * np.arange(samples) / samples
+    phases = 2.0 * np.pi * period_multiple * np.arange(samples) / samples
     if extended:  # the oscillator of Eq. 17 is (sin, cos) of the phase
         phases = np.arctan2(oscillator[:, 0], oscillator[:, 1])
     trace = np.array(

@@ -33,7 +33,7 @@ from pipelines.orbits.floquet import (
     orthonormal,
     starting_basis,
 )
-from pipelines.orbits.period_map import Inhomogeneity, PeriodImage, PeriodMap, PhaseReference
+from pipelines.orbits.period_map import Inhomogeneity, OrbitStart, PeriodImage, PeriodMap, PhaseReference
 from pipelines.orbits.system import Matrix, Vector, size_of
 from pipelines.orbits.vectors import Combination, Constraint
 
@@ -148,6 +148,11 @@ class CycleProblem:
         parameters[self.index] = value
         return parameters
 
+    def orbit_start(self, unknowns: Unknowns, steps: int) -> OrbitStart:
+        """What the orbit through ``unknowns`` depends on."""
+        parameters = self.parameters_at(unknowns.parameter)
+        return OrbitStart(unknowns.state, parameters, unknowns.period, steps)
+
     def consistent(self, unknowns: Unknowns) -> Unknowns:
         """The unknowns with the forcing period in a stroboscopic map; unchanged if T is unknown."""
         if self.period_map.autonomous:
@@ -163,17 +168,17 @@ class CycleProblem:
 class Linearisation:
     """The map and its derivatives at one point.
 
-    ``swept`` (N, k) and ``swept_image`` hold q_x and M q_x of the Picard part for x = r, phi_l and, when
-    the period is unknown, phi_T.
+    ``picard`` (N, k) and ``picard_image`` hold q_x and M q_x of the Picard part for x = r, phi_l and, when
+    the period is unknown, phi_T.  The ``image`` has no factors.
     """
 
     image: PeriodImage
     basis: Matrix
     residual: Vector
     sources: Matrix
-    swept: Matrix
-    swept_image: Matrix
-    swept_phase: Vector
+    picard: Matrix
+    picard_image: Matrix
+    picard_phase: Vector
 
 
 @dataclass(frozen=True)
@@ -242,11 +247,8 @@ def correct(
         return Correction(stop, cycle, tuple(residuals), tuple(updates))
 
     def given_up(stop: NewtonStop) -> Correction:
-        parameters = problem.parameters_at(unknowns.parameter)
-        place = unknowns.state, parameters, unknowns.period, steps
-        return ended(
-            NewtonStop.ROUNDING if is_rounding(problem.period_map, place, reference, residuals) else stop
-        )
+        rounding = is_rounding(problem.period_map, image.start, reference, residuals)
+        return ended(NewtonStop.ROUNDING if rounding else stop)
 
     linear: Linearisation | None = None
     while True:
@@ -255,13 +257,14 @@ def correct(
             return ended(NewtonStop.NON_FINITE)
         residuals.append(max(problem.period_map.residual(unknowns.state, image), constraint.error(unknowns)))
         if residuals[-1] <= options.tolerance:
-            cycle = _settled(problem, unknowns, basis, image, steps, reference, residuals[-1])
+            cycle = _settled(problem, unknowns, basis, image, reference, residuals[-1])
             return ended(NewtonStop.CONVERGED, replace(cycle, linear=linear))
         if residuals[-1] > _DIVERGENCE * min(residuals):
             return given_up(NewtonStop.DIVERGED)
         if len(updates) == options.iterations:
             return given_up(NewtonStop.ITERATIONS)
-        linear = _linearise(problem, unknowns, basis, image, steps, reference)
+        linear = _linearise(problem, basis, image, reference)
+        image = linear.image  # frees the factors before the next pass makes its own
         update = _solve_bordered(problem, linear, constraint.row, constraint.gap(unknowns), image.phase)
         if update is None:
             return ended(NewtonStop.SINGULAR)
@@ -271,24 +274,17 @@ def correct(
 
 
 def is_rounding(
-    period_map: PeriodMap,
-    place: tuple[Vector, Vector, float, int],
-    reference: PhaseReference | None,
-    sizes: Sequence[float],
+    period_map: PeriodMap, start: OrbitStart, reference: PhaseReference | None, sizes: Sequence[float]
 ) -> bool:
     """Whether an iteration with residuals of these ``sizes`` stagnates because of rounding.
 
-    At its ``place`` (state, parameters, period, steps) the last digits of the state change the residual
-    by as much.
+    The last digits of the state at the ``start`` then change the residual by as much.
     """
     if len(sizes) < 2 or sizes[-1] < _STAGNANT * min(sizes[:-1]):
         return False
-    state, parameters, period, steps = place
-    nudged = state * (1.0 + _NUDGE)
-    here, beside = (
-        period_map.evaluate(start, parameters, period, steps, reference=reference)
-        for start in (state, nudged)
-    )
+    state, nudged = start.state, start.state * (1.0 + _NUDGE)
+    here = period_map.evaluate(*start, reference=reference)
+    beside = period_map.evaluate(*start._replace(state=nudged), reference=reference)
     if not (here.finite and beside.finite):
         return False
     moved = here.state - state + nudged  # where the nudged state would arrive with the residual of the other
@@ -305,14 +301,14 @@ def tangent_at(
     corrector's last iteration where it still holds.
     """
     unknowns, basis = cycle.unknowns, cycle.basis
-    exact = replace(cycle.image, state=unknowns.state)
+    exact = replace(cycle.image, state=cycle.image.start.state)
     linear = None if cycle.linear is None else _carried_over(cycle.linear, basis, exact)
     if linear is not None:
-        following = _next_sweep(basis, linear.sources, linear.swept_image)
-        if not _changes_little(following, linear.swept, linear.sources, problem.options.picard_tolerance):
+        following = _next_sweep(basis, linear.sources, linear.picard_image)
+        if not _changes_little(following, linear.picard, linear.sources, problem.options.picard_tolerance):
             linear = None
     if linear is None:
-        linear = _linearise(problem, unknowns, basis, exact, cycle.steps, reference)
+        linear = _linearise(problem, basis, exact, reference)
     direction = _solve_bordered(problem, linear, row, -1.0, 0.0)
     if direction is None or problem.period_map.autonomous:
         return direction
@@ -328,8 +324,8 @@ def null_directions(
 
     They span the null space of the system of the corrector without its closing row; elsewhere only one does.
     """
-    exact = replace(cycle.image, state=cycle.unknowns.state)
-    linear = _linearise(problem, cycle.unknowns, cycle.basis, exact, cycle.steps, reference)
+    exact = replace(cycle.image, state=cycle.image.start.state)
+    linear = _linearise(problem, cycle.basis, exact, reference)
     matrix, _ = _cycle_rows(problem, linear, 0.0)
     first, second = np.linalg.svd(matrix)[2][-2:]
     return _as_unknowns(problem, linear, first, 0.0), _as_unknowns(problem, linear, second, 0.0)
@@ -342,36 +338,33 @@ def _carried_over(last: Linearisation, basis: Matrix, image: PeriodImage) -> Lin
     part outside V.
     """
     known = last.basis.T @ last.sources
-    whole, whole_image = last.swept + last.basis @ known, last.swept_image + last.image.columns @ known
-    whole_phase = last.swept_phase + last.image.phase_columns @ known
+    whole, whole_image = last.picard + last.basis @ known, last.picard_image + last.image.columns @ known
+    whole_phase = last.picard_phase + last.image.phase_columns @ known
     inside = basis.T @ whole
-    swept, swept_image = whole - basis @ inside, whole_image - image.columns @ inside
-    swept_phase = whole_phase - image.phase_columns @ inside
-    for part in (swept, swept_image, swept_phase[None, :]):
+    picard, picard_image = whole - basis @ inside, whole_image - image.columns @ inside
+    picard_phase = whole_phase - image.phase_columns @ inside
+    for part in (picard, picard_image, picard_phase[None, :]):
         part[:, 0] = 0.0
     sources = np.column_stack([np.zeros(len(basis)), image.inhomogeneous])
-    return Linearisation(image, basis, sources[:, 0], sources, swept, swept_image, swept_phase)
+    return Linearisation(image, basis, sources[:, 0], sources, picard, picard_image, picard_phase)
 
 
-def _next_sweep(basis: Matrix, sources: Matrix, swept_image: Matrix) -> Matrix:
+def _next_sweep(basis: Matrix, sources: Matrix, picard_image: Matrix) -> Matrix:
     """The next Picard iterate Q (M q + x)."""
-    following = swept_image + sources
+    following = picard_image + sources
     return np.asarray(following - basis @ (basis.T @ following))
 
 
-def _changes_little(following: Matrix, swept: Matrix, sources: Matrix, tolerance: float) -> bool:
+def _changes_little(following: Matrix, picard: Matrix, sources: Matrix, tolerance: float) -> bool:
     """Whether a Picard sweep moves every q_x by little against x."""
-    change = np.linalg.norm(following - swept, axis=0)
+    change = np.linalg.norm(following - picard, axis=0)
     return bool(np.all(change <= tolerance * np.linalg.norm(sources, axis=0)))
 
 
 def first_basis(problem: CycleProblem, guess: Unknowns, steps: int) -> Matrix:
     """A slow basis for a guess that has none."""
-    guess = problem.consistent(guess)
-    parameters = problem.parameters_at(guess.parameter)
-    return starting_basis(
-        problem.period_map, guess.state, parameters, guess.period, steps, problem.options.basis
-    )
+    start = problem.orbit_start(problem.consistent(guess), steps)
+    return starting_basis(problem.period_map, start, problem.options.basis)
 
 
 def following_basis(problem: CycleProblem, cycle: Cycle) -> Matrix:
@@ -386,22 +379,20 @@ def reference_of(problem: CycleProblem, unknowns: Unknowns, steps: int) -> Phase
     """
     if not problem.period_map.autonomous:
         return None
-    parameters = problem.parameters_at(unknowns.parameter)
-    image = problem.period_map.evaluate(unknowns.state, parameters, unknowns.period, steps)
-    return problem.period_map.phase_reference(image.orbit, parameters, unknowns.period)
+    start = problem.orbit_start(unknowns, steps)
+    image = problem.period_map.evaluate(*start)
+    return problem.period_map.phase_reference(image.orbit, start.parameters, start.period)
 
 
 def _evaluate(
     problem: CycleProblem, unknowns: Unknowns, basis: Matrix, steps: int, reference: PhaseReference | None
 ) -> PeriodImage:
-    """phi(s), M V, phi_l, phi_T and the phase rows in one pass."""
-    parameters = problem.parameters_at(unknowns.parameter)
-    inhomogeneous = [problem.period_map.parameter_column(problem.index, parameters)]
+    """phi(s), M V, phi_l, phi_T and the phase rows in one pass that keeps its factors."""
+    start = problem.orbit_start(unknowns, steps)
+    inhomogeneous = [problem.period_map.parameter_column(problem.index, start.parameters)]
     if problem.period_map.autonomous:
         inhomogeneous.append(Inhomogeneity(period_rate=1.0))
-    return problem.period_map.evaluate(
-        unknowns.state, parameters, unknowns.period, steps, basis, tuple(inhomogeneous), reference
-    )
+    return problem.period_map.evaluate(*start, basis, tuple(inhomogeneous), reference, keep_factors=True)
 
 
 def _update_norm(problem: CycleProblem, update: Unknowns, reached: Unknowns, image: PeriodImage) -> float:
@@ -414,33 +405,26 @@ def _update_norm(problem: CycleProblem, update: Unknowns, reached: Unknowns, ima
 
 
 def _linearise(
-    problem: CycleProblem,
-    unknowns: Unknowns,
-    basis: Matrix,
-    image: PeriodImage,
-    steps: int,
-    reference: PhaseReference | None,
+    problem: CycleProblem, basis: Matrix, image: PeriodImage, reference: PhaseReference | None
 ) -> Linearisation:
     """Picard part: q_x <- Q (M q_x + x) for x = r, phi_l, phi_T until the update is small against q_x."""
-    residual = image.state - unknowns.state
+    passed, image = image, image.without_factors()
+    residual = image.state - image.start.state
     sources = np.column_stack([residual, image.inhomogeneous])
     options = problem.options
-    swept = sources - basis @ (basis.T @ sources)
-    swept_image, swept_phase = np.zeros_like(sources), np.zeros(sources.shape[1])
+    picard = sources - basis @ (basis.T @ sources)
+    picard_image, picard_phase = np.zeros_like(sources), np.zeros(sources.shape[1])
     if basis.shape[0] == basis.shape[1]:
-        swept = np.zeros_like(sources)
-        return Linearisation(image, basis, residual, sources, swept, swept_image, swept_phase)
-    parameters = problem.parameters_at(unknowns.parameter)
+        picard = np.zeros_like(sources)
+        return Linearisation(image, basis, residual, sources, picard, picard_image, picard_phase)
     for _ in range(options.picard_sweeps):
-        passed = problem.period_map.evaluate(
-            unknowns.state, parameters, unknowns.period, steps, swept, (), reference
-        )
-        swept_image, swept_phase = passed.columns, passed.phase_columns
-        following = _next_sweep(basis, sources, swept_image)
-        if _changes_little(following, swept, sources, options.picard_tolerance):
+        passed = problem.period_map.with_columns(passed, picard, reference)
+        picard_image, picard_phase = passed.columns, passed.phase_columns
+        following = _next_sweep(basis, sources, picard_image)
+        if _changes_little(following, picard, sources, options.picard_tolerance):
             break
-        swept = following
-    return Linearisation(image, basis, residual, sources, swept, swept_image, swept_phase)
+        picard = following
+    return Linearisation(image, basis, residual, sources, picard, picard_image, picard_phase)
 
 
 def _solve_bordered(
@@ -450,11 +434,11 @@ def _solve_bordered(
     columns = linear.basis.shape[1]
     matrix, right = _cycle_rows(problem, linear, phase)
     # row_s (V a + q) + row_l dl + row_T dT = -gap
-    row_swept = row.state @ linear.swept
-    direct = np.array([row.parameter, row.period])[: len(row_swept) - 1] + row_swept[1:]
+    row_picard = row.state @ linear.picard
+    direct = np.array([row.parameter, row.period])[: len(row_picard) - 1] + row_picard[1:]
     closing = np.concatenate([row.state @ linear.basis, direct])
     matrix = np.insert(matrix, columns, closing, axis=0)
-    right = np.insert(right, columns, -gap - row_swept[0])
+    right = np.insert(right, columns, -gap - row_picard[0])
     try:
         solution = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
     except np.linalg.LinAlgError:
@@ -465,15 +449,15 @@ def _solve_bordered(
 def _cycle_rows(problem: CycleProblem, linear: Linearisation, phase: float) -> tuple[Matrix, Vector]:
     """The rows of the bordered system that make a cycle, and their right side; unknowns (a, dl[, dT])."""
     basis, columns = linear.basis, linear.basis.shape[1]
-    reduced = basis.T @ (linear.sources + linear.swept_image)
+    reduced = basis.T @ (linear.sources + linear.picard_image)
     # V'(M - I)V a + V'(phi_l + M q_l) dl + V'(phi_T + M q_T) dT = -V'(r + M q_r)
     matrix = np.hstack([basis.T @ linear.image.columns - np.eye(columns), reduced[:, 1:]])
     right = -reduced[:, 0]
     if problem.period_map.autonomous:
         # F (V a + q) + F_l dl + F_T dT = -F
-        inhomogeneous = linear.image.phase_inhomogeneous + linear.swept_phase[1:]
+        inhomogeneous = linear.image.phase_inhomogeneous + linear.picard_phase[1:]
         matrix = np.vstack([matrix, np.concatenate([linear.image.phase_columns, inhomogeneous])])
-        right = np.append(right, -phase - linear.swept_phase[0])
+        right = np.append(right, -phase - linear.picard_phase[0])
     return matrix, right
 
 
@@ -481,7 +465,7 @@ def _as_unknowns(problem: CycleProblem, linear: Linearisation, solution: Vector,
     """(a, dl[, dT]) as (ds, dT, dl), with ds = V a + q_l dl + q_T dT + ``residual`` q_r."""
     columns = linear.basis.shape[1]
     weights = np.concatenate([[residual], solution[columns:]])
-    state = linear.basis @ solution[:columns] + linear.swept @ weights
+    state = linear.basis @ solution[:columns] + linear.picard @ weights
     period = float(solution[columns + 1]) if problem.period_map.autonomous else 0.0
     return Unknowns(state, period, float(solution[columns]))
 
@@ -496,7 +480,6 @@ def _settled(
     unknowns: Unknowns,
     basis: Matrix,
     image: PeriodImage,
-    steps: int,
     reference: PhaseReference | None,
     residual: float,
 ) -> Cycle:
@@ -508,6 +491,7 @@ def _settled(
         if np.all(spectrum.residuals[checked] <= options.multiplier_tolerance):
             break
         basis = _next_basis(image.columns)
-        image = _evaluate(problem, unknowns, basis, steps, reference)
+        image = problem.period_map.with_columns(image, basis, reference)
         spectrum = floquet_spectrum(basis, image.columns)
-    return Cycle(unknowns, problem.parameters_at(unknowns.parameter), basis, image, spectrum, residual, steps)
+    parameters, steps = image.start.parameters, image.start.steps
+    return Cycle(unknowns, parameters, basis, image.without_factors(), spectrum, residual, steps)

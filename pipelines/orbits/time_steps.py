@@ -26,20 +26,23 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from pipelines.orbits.period_map import PeriodImage, PeriodMap
+from pipelines.orbits.period_map import OrbitStart, PeriodImage, PeriodMap
 from pipelines.orbits.shooting import Cycle, CycleProblem, NewtonStop, ShootingOptions, Unknowns
-from pipelines.orbits.steppers import ImplicitStepper
+from pipelines.orbits.steppers import ImplicitStepper, Stepper
 from pipelines.orbits.system import Matrix, Vector
 
 MOST_STEPS = 1_000_000  # of a period, with which an explicit stepper would be busy for hours
+_POWER_PHASES = 8  # phases at which the spectral radius is sampled
+_FIRST_POWER_STEPS = 60
+_POWER_STEPS = 15
+_POWER_WINDOW = 5  # growth factors in the geometric mean: a complex pair makes single ones oscillate
+_RADIUS_MARGIN = 1.15  # the power iteration approaches the radius from below
 _FEWEST = 16  # steps of a forcing period
 _MOST = 1 << 16  # steps with which the search for a first number gives up
 _RESOLVED = 1e-3  # change of phi(s) on halving the steps below which a correction can start
-_ENOUGH = (
-    400  # steps of a forcing period that are chosen at most; beyond, kinks of the clipped film rule the error
-)
+_STEP_CAP = 400  # steps of a forcing period: beyond, kinks of the clipped film rule the error
 _MARGIN = 1.1  # steps beyond the need
-_TOO_MANY = 0.7  # share of the steps in use below which fewer are taken
+_REDUCE_BELOW = 0.7  # share of the steps in use below which fewer are taken
 _FINER = 1.5  # r
 _AGREE = 0.1  # relative difference of two estimates of the same error
 _CONTRADICT = 2.0  # ratio of two changes of the multipliers that no convergence explains
@@ -50,7 +53,7 @@ _Mapped = Callable[[Matrix, int], Matrix | None]  # M block with a number of ste
 
 
 @dataclass(frozen=True)
-class StepDemand:
+class RequiredSteps:
     """The ``steps`` whose likely error meets the tolerance, and the reported ``error`` of the steps in use.
 
     The error of the multipliers is NaN where it is unknown.
@@ -61,18 +64,18 @@ class StepDemand:
 
 
 def first_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonStop:
-    """Steps per period for correcting a guess that is not yet a cycle, or why there are none."""
-    period_map, guess = problem.period_map, problem.consistent(guess)
-    parameters = problem.parameters_at(guess.parameter)
+    """Steps per period with which to correct a guess that is not yet a cycle, or why there are none."""
+    period_map = problem.period_map
     if period_map.steps_per_period is not None:
-        return period_map.steps_for(0.0, guess.period)
+        return period_map.rounded_steps(period_map.steps_per_period)
     if not isinstance(period_map.stepper, ImplicitStepper):
-        return _first_stable_steps(period_map, guess, parameters)
-    steps = 2 * _FEWEST * period_map.turns
-    coarse = period_map.evaluate(guess.state, parameters, guess.period, steps)
+        return _first_stable_steps(problem, guess)
+    steps = 2 * _FEWEST * period_map.period_multiple
+    start = problem.orbit_start(problem.consistent(guess), steps)
+    coarse = period_map.evaluate(*start)
     while steps < _MOST:
         steps *= 2
-        fine = period_map.evaluate(guess.state, parameters, guess.period, steps)
+        fine = period_map.evaluate(*start._replace(steps=steps))
         resolved = _RESOLVED * period_map.scale(fine.orbit)
         if fine.finite and coarse.finite and np.max(np.abs(fine.state - coarse.state)) <= resolved:
             return steps // 2
@@ -80,19 +83,19 @@ def first_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonStop:
     return steps
 
 
-def _first_stable_steps(period_map: PeriodMap, guess: Unknowns, parameters: Vector) -> int | NewtonStop:
+def _first_stable_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonStop:
     """Steps that are stable along their own orbit.
 
     Starting with what is stable at the first state, and increased until they are.
     """
-    start = np.ascontiguousarray(guess.state[None, :])
-    steps = _stable_steps(period_map, start, parameters, guess.period)
+    period_map, start = problem.period_map, problem.orbit_start(problem.consistent(guess), 1)
+    steps = _stable_along(period_map, np.ascontiguousarray(start.state[None, :]), start)
     reached = -1
     while steps <= MOST_STEPS:
-        image = period_map.evaluate(guess.state, parameters, guess.period, steps)
+        image = period_map.evaluate(*start._replace(steps=steps))
         known = image.orbit[np.all(np.isfinite(image.orbit), axis=1)]
         if image.finite:
-            needed = _stable_steps(period_map, known, parameters, guess.period)
+            needed = _stable_along(period_map, known, start)
             if needed <= steps:
                 return steps
             steps = min(needed, 2 * steps)
@@ -103,49 +106,81 @@ def _first_stable_steps(period_map: PeriodMap, guess: Unknowns, parameters: Vect
     return NewtonStop.TOO_STIFF
 
 
-def step_demand(problem: CycleProblem, cycle: Cycle) -> StepDemand:
-    """The number of steps that a corrected cycle needs."""
-    at = cycle.unknowns
-    return demand_at(
-        problem.period_map, problem.options, at.state, cycle.parameters, at.period, cycle.steps, cycle.basis,
-        cycle.image,
-    )  # fmt: skip
+def stable_steps(period_map: PeriodMap, radius: float, period: float) -> int:
+    """Steps per period at which an explicit stepper is stable, or the fixed number where the map has one.
+
+    They keep radius T / steps inside its real stability interval, for the spectral ``radius`` of J.
+    """
+    steps = period_map.steps_per_period
+    if steps is None:
+        assert isinstance(period_map.stepper, Stepper)
+        stable = _RADIUS_MARGIN * radius * period / period_map.stepper.real_stability_interval
+        steps = max(period_map.minimum_steps * period_map.period_multiple, math.ceil(stable))
+    return period_map.rounded_steps(steps)
 
 
-def demand_at(
-    period_map: PeriodMap,
-    options: ShootingOptions,
-    state: Vector,
-    parameters: Vector,
-    period: float,
-    steps: int,
-    basis: Matrix,
-    image: PeriodImage,
-) -> StepDemand:
-    """The demand from a periodic state and its pass with ``steps``, whose columns begin with ``basis``."""
-    stable = 0
+def _stable_along(period_map: PeriodMap, orbit: Matrix, start: OrbitStart) -> int:
+    """Steps that are stable along the ``orbit`` (samples, size) from a ``start``."""
+    fixed = period_map.steps_per_period is not None
+    radius = 0.0 if fixed else spectral_radius(period_map, orbit, start.parameters)
+    return stable_steps(period_map, radius, start.period)
+
+
+def spectral_radius(period_map: PeriodMap, orbit: Matrix, parameters: Vector) -> float:
+    """Largest modulus of the eigenvalues of J along the first samples of an orbit, by power iteration.
+
+    The start vector is fixed, so that the same orbit always gives the same number.
+    """
+    system, radius = period_map.system, 0.0
+    golden = (math.sqrt(5.0) - 1.0) / 2.0
+    vector: Vector = np.mod(np.arange(1, system.size + 1) * golden, 1.0) - 0.4
+    stride = max(1, period_map.samples // _POWER_PHASES)
+    for k in range(0, len(orbit), stride):
+        phase, state = period_map.phase_at(k, orbit[k]), np.ascontiguousarray(orbit[k, : system.size])
+        growth = []
+        for _ in range(_FIRST_POWER_STEPS if k == 0 else _POWER_STEPS):
+            direction = np.asarray(vector / np.linalg.norm(vector), dtype=np.float64)
+            vector = system.tangent_at(phase, state, direction[:, None], parameters)[:, 0]
+            growth.append(float(np.linalg.norm(vector)))
+            if growth[-1] == 0.0 or not math.isfinite(growth[-1]):
+                return radius
+        radius = max(radius, math.exp(sum(map(math.log, growth[-_POWER_WINDOW:])) / _POWER_WINDOW))
+    return radius
+
+
+def required_steps(problem: CycleProblem, cycle: Cycle) -> RequiredSteps:
+    """The steps that a corrected cycle asks for."""
+    return required_steps_at(problem.period_map, problem.options, cycle.basis, cycle.image)
+
+
+def required_steps_at(
+    period_map: PeriodMap, options: ShootingOptions, basis: Matrix, image: PeriodImage
+) -> RequiredSteps:
+    """The same from the pass of a periodic state, whose columns begin with ``basis``."""
+    start, stable = image.start, 0
+    steps = start.steps
     if not isinstance(period_map.stepper, ImplicitStepper):
-        stable = min(MOST_STEPS, _stable_steps(period_map, image.orbit, parameters, period))
+        stable = min(MOST_STEPS, _stable_along(period_map, image.orbit, start))
     projected = basis.T @ image.columns[:, : basis.shape[1]]
     half = period_map.rounded_steps(max(1, steps // 2))
     finer = period_map.rounded_steps(math.ceil(_FINER * steps))
 
     def mapped(block: Matrix, count: int) -> Matrix | None:
-        passed = period_map.evaluate(state, parameters, period, count, block, once=True)
+        passed = period_map.evaluate(*start._replace(steps=count), block)
         return passed.columns if passed.finite else None
 
     halved = math.nan
     if stable <= half < steps:
         halved = _change(mapped, basis, projected, half, options.checked_modulus)
     if math.isinf(halved):
-        wanted, error = max(steps, min(2 * steps, _ENOUGH * period_map.turns)), math.nan
+        required, error = max(steps, min(2 * steps, _STEP_CAP * period_map.period_multiple)), math.nan
     else:
         refined = _cheap_change(mapped, basis, projected, finer, options.checked_modulus)
         likely, error = _errors(period_map.stepper.order, (steps / half, halved), (finer / steps, refined))
-        wanted = _wanted_steps(period_map, options, steps, likely) if math.isfinite(likely) else steps
+        required = _steps_for_error(period_map, options, steps, likely) if math.isfinite(likely) else steps
     if period_map.steps_per_period is not None:
-        return StepDemand(steps, error)
-    return StepDemand(max(wanted, stable), error)
+        return RequiredSteps(steps, error)
+    return RequiredSteps(max(required, stable), error)
 
 
 def _errors(order: int, coarser: tuple[float, float], finer: tuple[float, float]) -> tuple[float, float]:
@@ -195,7 +230,7 @@ def _dominant(matrix: Matrix, modulus: float) -> Matrix:
     return np.ascontiguousarray(vectors[:, :count])
 
 
-def following_steps(problem: CycleProblem, steps: int, error: float) -> int:
+def next_steps(problem: CycleProblem, steps: int, error: float) -> int:
     """Steps for the next cycle: fewer if the error is far below the tolerance, more if it is above.
 
     An explicit stepper takes no fewer, because stability may require them.
@@ -203,23 +238,18 @@ def following_steps(problem: CycleProblem, steps: int, error: float) -> int:
     period_map, options = problem.period_map, problem.options
     if period_map.steps_per_period is not None or not math.isfinite(error):
         return steps
-    wanted = _wanted_steps(period_map, options, steps, error)
-    fewer = wanted < _TOO_MANY * steps and isinstance(period_map.stepper, ImplicitStepper)
-    more = wanted > steps and error > _BOUND * options.step_tolerance
-    return wanted if fewer or more else steps
+    required = _steps_for_error(period_map, options, steps, error)
+    fewer = required < _REDUCE_BELOW * steps and isinstance(period_map.stepper, ImplicitStepper)
+    more = required > steps and error > _BOUND * options.step_tolerance
+    return required if fewer or more else steps
 
 
-def _wanted_steps(period_map: PeriodMap, options: ShootingOptions, steps: int, error: float) -> int:
+def _steps_for_error(period_map: PeriodMap, options: ShootingOptions, steps: int, error: float) -> int:
+    """Steps that meet the tolerance where ``steps`` leave ``error``, with a margin and within limits."""
     relative = error / options.step_tolerance
     needed = math.ceil(_MARGIN * steps * relative ** (1.0 / period_map.stepper.order))
-    wanted = min(max(_FEWEST, needed // period_map.turns + 1), _ENOUGH) * period_map.turns
-    return period_map.rounded_steps(wanted)
-
-
-def _stable_steps(period_map: PeriodMap, orbit: Matrix, parameters: Vector, period: float) -> int:
-    if period_map.steps_per_period is not None:
-        return period_map.steps_for(0.0, period)
-    return period_map.steps_for(period_map.spectral_radius(orbit, parameters), period)
+    multiple = period_map.period_multiple
+    return period_map.rounded_steps(min(max(_FEWEST, needed // multiple + 1), _STEP_CAP) * multiple)
 
 
 def _largest_change(fine: Matrix, coarse: Matrix, modulus: float) -> float:

@@ -27,7 +27,7 @@ from pipelines.orbits.shooting import (
     following_basis,
     tangent_at,
 )
-from pipelines.orbits.time_steps import first_steps, step_demand
+from pipelines.orbits.time_steps import first_steps, required_steps
 from pipelines.stages.cycles.problem import continuation_options, cycle_problem
 from pipelines.stages.cycles.start import FirstCycle, resting_start
 from tests.benchmarks.measuring import Action, Measurement, growth_exponent, interleaved
@@ -56,7 +56,7 @@ class Start:
         while True:
             found = correct(self.problem, self.guess, self.problem.fixed_parameter(SPEED), basis, steps).cycle
             assert found is not None
-            wanted = step_demand(self.problem, found).steps
+            wanted = required_steps(self.problem, found).steps
             if wanted <= steps:
                 return found
             steps, basis = self.problem.period_map.rounded_steps(wanted), found.basis
@@ -82,12 +82,12 @@ def tangent_batch(settings: Settings) -> list[Measurement]:
     found: list[Measurement] = []
     for stepper, suffix in (("esdirk5", ""), ("rk4", "_rk4")):
         start = prepared(settings.default_grid, stepper)
-        cycle, period_map = start.cycle(), replace(start.problem.period_map)  # with no orbit kept
+        cycle, period_map = start.cycle(), start.problem.period_map
         block = deterministic_block(period_map.size, settings.columns)
 
         def run(block: Array | None, cycle: Cycle = cycle, period_map: PeriodMap = period_map) -> PeriodImage:
             at = cycle.unknowns
-            return period_map.evaluate(at.state, cycle.parameters, at.period, cycle.steps, block, once=True)
+            return period_map.evaluate(at.state, cycle.parameters, at.period, cycle.steps, block)
 
         pair = interleaved(
             lambda run=run, block=block: run(block), lambda run=run: run(None), settings.tangent_pairs
@@ -102,21 +102,22 @@ def tangent_batch(settings: Settings) -> list[Measurement]:
 
 
 def further_columns(settings: Settings) -> list[Measurement]:
-    """A pass with columns against a further one through the same orbit, whose factors were kept."""
+    """A pass with columns against a further one through the same orbit, with the factors that it kept."""
     start = prepared(settings.default_grid)
-    cycle, keeping = start.cycle(), start.problem.period_map
-    block, at = deterministic_block(keeping.size, SWEPT_COLUMNS), cycle.unknowns
+    cycle, period_map = start.cycle(), start.problem.period_map
+    block = deterministic_block(period_map.size, SWEPT_COLUMNS)
 
-    def run(period_map: PeriodMap, once: bool) -> PeriodImage:
-        return period_map.evaluate(at.state, cycle.parameters, at.period, cycle.steps, block, once=once)
+    def first() -> PeriodImage:
+        return period_map.evaluate(*cycle.image.start, block)
 
-    forgetful = replace(keeping)
-    first, further = run(forgetful, True), (run(keeping, False), run(keeping, False))[1]
-    assert np.array_equal(first.columns, further.columns)
-    pair = interleaved(lambda: run(forgetful, True), lambda: run(keeping, False), settings.tangent_pairs)
-    told = (
-        f"orbit + {SWEPT_COLUMNS} columns / the columns along the kept orbit, {_name(settings.default_grid)}"
-    )
+    kept = period_map.evaluate(*cycle.image.start, block, keep_factors=True)
+
+    def further() -> PeriodImage:
+        return period_map.with_columns(kept, block)
+
+    assert np.array_equal(kept.columns, further().columns)
+    pair = interleaved(first, further, settings.tangent_pairs)
+    told = f"orbit + {SWEPT_COLUMNS} columns / the columns with its factors, {_name(settings.default_grid)}"
     return [Measurement("further_columns_ratio", pair.ratio, "1", told)]
 
 
@@ -187,7 +188,7 @@ def _next_point(start: Start, *, whole: bool) -> Action:
     def point() -> None:
         found = correct(problem, guess, constraint, basis, cycle.steps).cycle
         assert found is not None
-        step_demand(problem, found)
+        required_steps(problem, found)
         assert tangent_at(problem, found, constraint.row) is not None
 
     return point

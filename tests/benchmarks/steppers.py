@@ -6,14 +6,13 @@ with four times as many steps.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.orbits.floquet import deterministic_block
 from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import Cycle
+from pipelines.orbits.time_steps import spectral_radius, stable_steps
 from tests.benchmarks.cycles import prepared
 from tests.benchmarks.measuring import Measurement, interleaved
 from tests.benchmarks.settings import Grid, Settings
@@ -35,8 +34,8 @@ def _ratio(grid: Grid, settings: Settings) -> Measurement:
     implicit = prepared(grid)
     cycle, fast = implicit.cycle(), implicit.problem.period_map
     slow = prepared(grid, "rk4").problem.period_map
-    radius = slow.spectral_radius(np.ascontiguousarray(cycle.image.orbit), cycle.parameters)
-    stable = slow.steps_for(radius, cycle.unknowns.period)
+    radius = spectral_radius(slow, np.ascontiguousarray(cycle.image.orbit), cycle.parameters)
+    stable = stable_steps(slow, radius, cycle.unknowns.period)
     exact = _multipliers(slow, cycle, _REFINEMENT * stable)
     exact = exact[np.abs(exact) > _SLOW]
     slow_steps, slow_error = _enough(slow, cycle, exact, range(stable, _REFINEMENT * stable, slow.samples))
@@ -45,9 +44,8 @@ def _ratio(grid: Grid, settings: Settings) -> Measurement:
 
     def run(period_map: PeriodMap, steps: int) -> object:
         at = cycle.unknowns
-        return period_map.evaluate(at.state, cycle.parameters, at.period, steps, block, once=True)
+        return period_map.evaluate(at.state, cycle.parameters, at.period, steps, block)
 
-    slow, fast = replace(slow), replace(fast)  # with no orbit kept
     pair = interleaved(lambda: run(slow, slow_steps), lambda: run(fast, fast_steps), settings.tangent_pairs)
     return Measurement(
         f"stepper_ratio_{grid[0]}x{grid[1]}", pair.ratio, "1",

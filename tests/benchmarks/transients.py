@@ -17,6 +17,7 @@ from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.steppers import RK4
 from pipelines.orbits.time_runs.drive import Switching, make_drive
 from pipelines.orbits.time_runs.transient import trial_end
+from pipelines.orbits.time_steps import spectral_radius, stable_steps
 from pipelines.stages.transients.run import driven_machine
 from tests.benchmarks.measuring import Measurement, interleaved
 from tests.benchmarks.settings import Settings
@@ -85,8 +86,8 @@ def _enough(slow: UnbalancedMap, state: Array, angle: float, exact: Array) -> tu
     """RK4 with the fewest steps, by doubling from what stability needs, that meet the limit."""
     period_map = slow.period_map
     orbit = np.tile(state, (period_map.samples, 1))
-    radius = period_map.spectral_radius(orbit, slow.parameters_at(angle))
-    steps = period_map.steps_for(radius, slow.period)
+    radius = spectral_radius(period_map, orbit, slow.parameters_at(angle))
+    steps = stable_steps(period_map, radius, slow.period)
     while True:
         tried = UnbalancedMap(period_map, slow.parameters, steps)
         image = tried.evaluate(state, angle)

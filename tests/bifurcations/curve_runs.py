@@ -72,7 +72,17 @@ class CountingMap(PeriodMap):
     passes: list[int] = field(default_factory=list)
 
     def evaluate(  # type: ignore[override]
-        self, state, parameters, period, steps, columns=None, inhomogeneous=(), reference=None, once=False
+        self,
+        state,
+        parameters,
+        period,
+        steps,
+        columns=None,
+        inhomogeneous=(),
+        reference=None,
+        keep_factors=False,
     ) -> PeriodImage:
         self.passes.append((0 if columns is None else columns.shape[1]) + len(inhomogeneous))
-        return super().evaluate(state, parameters, period, steps, columns, inhomogeneous, reference, once)
+        return super().evaluate(
+            state, parameters, period, steps, columns, inhomogeneous, reference, keep_factors
+        )

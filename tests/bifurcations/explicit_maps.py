@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.orbits.period_map import PeriodImage, PeriodMap
+from pipelines.orbits.period_map import OrbitStart, PeriodImage, PeriodMap
 from pipelines.orbits.system import DynamicalSystem
 
 Function = Callable[[np.ndarray, np.ndarray], Any]
@@ -22,13 +22,22 @@ class ExplicitMap(PeriodMap):
     function: Function | None = None
 
     def evaluate(  # type: ignore[override]
-        self, state, parameters, period, steps, columns=None, inhomogeneous=(), reference=None, once=False
+        self,
+        state,
+        parameters,
+        period,
+        steps,
+        columns=None,
+        inhomogeneous=(),
+        reference=None,
+        keep_factors=False,
     ) -> PeriodImage:
         size = self.size
         columns = np.zeros((size, 0)) if columns is None else columns
         wide = [self._along(state, parameters, column, None) for column in columns.T]
         extra = [self._along(state, parameters, np.zeros(size), term.parameter) for term in inhomogeneous]
         return PeriodImage(
+            start=OrbitStart(state, parameters, period, steps),
             state=self._map(state, parameters).real,
             columns=np.array(wide).reshape(-1, size).T.copy(),
             inhomogeneous=np.array(extra).reshape(-1, size).T.copy(),
@@ -41,7 +50,7 @@ class ExplicitMap(PeriodMap):
 
     def _map(self, state, parameters):  # type: ignore[no-untyped-def]
         assert self.function is not None
-        for _ in range(self.turns):
+        for _ in range(self.period_multiple):
             state = np.array(self.function(state, parameters), dtype=complex)
         return state
 

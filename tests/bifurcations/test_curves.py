@@ -16,7 +16,7 @@ from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import joined_curve
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import ShootingOptions
-from pipelines.orbits.steppers import DOPRI8
+from pipelines.orbits.steppers import DOPRI8, ESDIRK5
 from tests.bifurcations.curve_runs import FLIP, FOLD, NS, map_problem, start, trace
 from tests.bifurcations.explicit_maps import (
     cusp_map,
@@ -29,6 +29,7 @@ from tests.bifurcations.explicit_maps import (
     rotation_map,
 )
 from tests.bifurcations.polar_cycles import polar_cycles
+from tests.systems import implicit
 
 BOTH = pytest.mark.parametrize("formulation", list(CurveFormulation))
 PLANE = ((-5.0, 5.0), (-3.0, 3.0))
@@ -220,6 +221,16 @@ def test_folds_of_cycles_of_unknown_period() -> None:
     assert np.allclose(periods, 2.0 * math.pi / (1.0 + 0.4 * excess), rtol=0, atol=1e-7)
     with pytest.raises(ValueError, match="bordered"):
         replace(problem, formulation=CurveFormulation.EXTENDED)
+
+
+def test_points_hold_no_factors() -> None:
+    """They are kept, and the factors of an orbit may take 256 MiB."""
+    problem = polar_problem(FOLD, ("m", "n"), (0, 0, -0.2, 0.35, 0.4))
+    stiff = replace(problem.period_map, system=implicit(polar_cycles()), stepper=ESDIRK5)
+    begin = start([math.sqrt(1.3), 0, 0, 0], (-0.054, 0.27), period=2 * math.pi / 1.12)
+    run = trace(replace(problem, period_map=stiff), begin, CurveOptions(((-1, 1), (-1, 1)), max_points=2))
+    assert len(run.points) == 2
+    assert [point.cycle.image.factors for point in run.points] == [None, None]
 
 
 @BOTH

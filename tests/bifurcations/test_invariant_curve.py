@@ -140,7 +140,7 @@ def test_linear_response_to_two_frequencies() -> None:
 
 def test_slope_of_a_known_rotation() -> None:
     """d rho/d parameter for the second frequency, for that of the forcing and for neither."""
-    period_map = PeriodMap(two_tones(), DOPRI8, samples=1, turns=2)
+    period_map = PeriodMap(two_tones(), DOPRI8, samples=1, period_multiple=2)
     parameters = np.array([1.3, 0.7, 0.2, 0.3, 0.0])
     for name in ("speed", "frequency", "F"):
         circle = PeriodCircle(period_map, parameters, name, 64, "angle", "speed")

@@ -18,6 +18,7 @@ from pipelines.bifurcations.switching import curve_from_event, doubled_branch, d
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
+from pipelines.orbits.time_steps import stable_steps
 from tests.bifurcations.curve_runs import trace
 from tests.bifurcations.explicit_maps import CLOCK, henon
 from tests.systems import tondl
@@ -58,7 +59,7 @@ def test_period_doubling_cascade(henon_flip: tuple[CycleProblem, Event]) -> None
         doubled = doubled_branch(problem, event, amplitude)
         assert doubled is not None
         assert doubled.direction == 1
-        assert doubled.problem.period_map.turns == 2 * problem.period_map.turns
+        assert doubled.problem.period_map.period_multiple == 2 * problem.period_map.period_multiple
         options = ContinuationOptions((0.05, 1.06), maximum_step=0.02)
         points, events = branch(doubled.problem, doubled.start, options)
         assert points[0].unstable == 0
@@ -146,5 +147,5 @@ def test_what_cannot_be_switched(henon_flip: tuple[CycleProblem, Event]) -> None
 def test_doubled_map_keeps_the_time_step() -> None:
     single = PeriodMap(tondl(), DOPRI8, steps_per_period=64)
     twice = doubled_map(single)
-    assert (twice.turns, twice.samples, twice.steps_per_period) == (2, 128, 128)
-    assert doubled_map(replace(single, steps_per_period=None)).steps_for(0.0, 1.0) == 256
+    assert (twice.period_multiple, twice.samples, twice.steps_per_period) == (2, 128, 128)
+    assert stable_steps(doubled_map(replace(single, steps_per_period=None)), 0.0, 1.0) == 256

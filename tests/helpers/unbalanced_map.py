@@ -82,9 +82,7 @@ class UnbalancedMap:
         if parameter is not None:
             index = self.period_map.system.parameter_index(parameter)
             asked.append(self.period_map.parameter_column(index, parameters))
-        image = self.period_map.evaluate(
-            state, parameters, self.period, self.steps, columns, tuple(asked), once=True
-        )
+        image = self.period_map.evaluate(state, parameters, self.period, self.steps, columns, tuple(asked))
         return UnbalancedImage(
             image.state,
             image.columns,

@@ -16,6 +16,7 @@ from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.steppers import steppers
 from pipelines.orbits.time_runs.drive import Switching, make_drive
 from pipelines.orbits.time_runs.transient import trial_end
+from pipelines.orbits.time_steps import spectral_radius, stable_steps
 from pipelines.stages.transients.run import driven_machine
 from tests.helpers.monodromy import full_monodromy
 from tests.machines import BEARING, case, symmetric_rotor
@@ -126,8 +127,8 @@ def test_multipliers_of_a_cycle_at_rest_are_those_of_the_equilibrium(stepper: st
     period_map = PeriodMap(machine_system(machine), stepper=steppers()[stepper])
     state = machine_equilibrium(machine, parameters).state
     period = period_map.period(parameters)
-    radius = period_map.spectral_radius(np.tile(state, (period_map.samples, 1)), parameters)
-    steps = 256 if stepper == "esdirk5" else period_map.steps_for(radius, period)
+    radius = spectral_radius(period_map, np.tile(state, (period_map.samples, 1)), parameters)
+    steps = 256 if stepper == "esdirk5" else stable_steps(period_map, radius, period)
     columns = full_monodromy(period_map, state, parameters, period, steps)
     multipliers = np.linalg.eigvals(columns)
     point = linear_point(machine, parameters, 6)

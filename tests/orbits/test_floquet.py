@@ -18,7 +18,7 @@ from pipelines.orbits.floquet import (
     starting_basis,
     wanted_columns,
 )
-from pipelines.orbits.period_map import PeriodMap
+from pipelines.orbits.period_map import OrbitStart, PeriodMap
 from pipelines.orbits.steppers import DOPRI8
 from pipelines.orbits.system import ode_system
 from tests.helpers.monodromy import full_monodromy
@@ -114,12 +114,12 @@ def test_starting_basis_finds_all_slow_multipliers() -> None:
         action=lambda phase, s, block, p: -decay[:, None] * block,
     )
     period_map = PeriodMap(system, DOPRI8, samples=8, minimum_steps=16)
-    arguments = (period_map, np.zeros(60), np.array([1.0]), 2.0 * math.pi, 16)
-    basis = starting_basis(*arguments, OPTIONS)
+    orbit = OrbitStart(np.zeros(60), np.array([1.0]), 2.0 * math.pi, 16)
+    basis = starting_basis(period_map, orbit, OPTIONS)
     assert 20 < basis.shape[1] <= 32
-    image = period_map.evaluate(*arguments[1:], basis).columns
+    image = period_map.evaluate(*orbit, basis).columns
     got = floquet_spectrum(basis, image).multipliers[:20]
     assert np.allclose(got, np.exp(-2.0 * math.pi * decay[:20]), atol=1e-6)
-    full = full_monodromy(*arguments)
+    full = full_monodromy(period_map, *orbit)
     assert np.allclose(np.diag(full)[:20], np.exp(-2.0 * math.pi * decay[:20]), atol=1e-8)
-    assert np.array_equal(starting_basis(*arguments, BasisOptions(initial_columns=60)), np.eye(60))
+    assert np.array_equal(starting_basis(period_map, orbit, BasisOptions(initial_columns=60)), np.eye(60))

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from pipelines.machine.assembly import build_machine
-from pipelines.orbits import period_map as period_map_module
+from pipelines.orbits.integration import passes
 from pipelines.orbits.integration.implicit import propagate_implicit
 from pipelines.orbits.period_map import Formulation, Inhomogeneity, PeriodImage, PeriodMap
+from pipelines.orbits.shooting import CycleProblem, ShootingOptions, Unknowns, correct, first_basis
 from pipelines.orbits.steppers import DOPRI8, ESDIRK5, RK4
 from pipelines.orbits.system import DynamicalSystem, ode_system
 from pipelines.stages.cycles.problem import cycle_problem
@@ -103,11 +104,11 @@ def test_oscillator_extension_follows_the_forcing() -> None:
     assert np.allclose(wide.state[4:], [0.0, 1.0], rtol=0, atol=1e-12)
 
 
-def test_two_turns_are_the_map_applied_twice() -> None:
-    once, twice = PeriodMap(tondl(), RK4), PeriodMap(tondl(), RK4, turns=2)
-    period = once.period(PARAMETERS)
-    first = once.evaluate(STATE, PARAMETERS, period, 128, np.eye(4))
-    second = once.evaluate(first.state, PARAMETERS, period, 128, first.columns)
+def test_two_periods_are_the_map_applied_twice() -> None:
+    simple, twice = PeriodMap(tondl(), RK4), PeriodMap(tondl(), RK4, period_multiple=2)
+    period = simple.period(PARAMETERS)
+    first = simple.evaluate(STATE, PARAMETERS, period, 128, np.eye(4))
+    second = simple.evaluate(first.state, PARAMETERS, period, 128, first.columns)
     both = twice.evaluate(STATE, PARAMETERS, twice.period(PARAMETERS), 256, np.eye(4))
     assert np.allclose(both.state, second.state, rtol=0, atol=1e-13)
     assert np.allclose(both.columns, second.columns, rtol=0, atol=1e-13)
@@ -130,8 +131,6 @@ def test_liouville() -> None:
 
 def test_liouville_on_a_periodic_orbit_is_exact_to_rounding() -> None:
     """On a closed orbit the trapezoidal rule is spectral, so the identity can be asked to 1e-11."""
-    from pipelines.orbits.shooting import CycleProblem, ShootingOptions, Unknowns, correct
-
     period_map = PeriodMap(tondl(), DOPRI8, samples=256)
     problem = CycleProblem(period_map, PARAMETERS, "c1", ShootingOptions(tolerance=1e-13))
     guess = Unknowns(STATE, 0.0, PARAMETERS[0])
@@ -140,33 +139,6 @@ def test_liouville_on_a_periodic_orbit_is_exact_to_rounding() -> None:
     trace = PARAMETERS[0] - 3.0 * 0.3 * cycle.image.orbit[:, 2] ** 2 - 0.2
     expected = math.exp(cycle.unknowns.period * float(np.mean(trace)))
     assert np.prod(cycle.spectrum.multipliers).real == pytest.approx(expected, rel=1e-11)
-
-
-def test_spectral_radius_and_steps() -> None:
-    """A stiff linear system with a known spectrum; the steps chosen are stable and two thirds of them are
-    not.
-    """
-    rates = -np.linspace(1.0, 900.0, 40)
-    system = ode_system(
-        lambda phase, s, p: rates * s + np.cos(phase),
-        None,
-        40,
-        ("omega",),
-        "omega",
-        action=lambda phase, s, block, p: rates[:, None] * block,
-    )
-    period_map = PeriodMap(system, RK4, samples=16, minimum_steps=16)
-    orbit, parameters = np.zeros((16, 40)), np.array([2.0])
-    radius = period_map.spectral_radius(orbit, parameters)
-    assert 0.9 * 900.0 < radius <= 900.0 * (1 + 1e-12)
-    assert radius == period_map.spectral_radius(orbit, parameters)
-    steps, period = period_map.steps_for(radius, math.pi), math.pi
-    assert steps % 16 == 0
-    assert period_map.evaluate(np.ones(40), parameters, period, steps).finite
-    assert np.max(np.abs(period_map.evaluate(np.ones(40), parameters, period, steps).state)) < 1.0
-    unstable = period_map.evaluate(np.ones(40), parameters, period, 16 * (2 * steps // 48))
-    assert not unstable.finite or np.max(np.abs(unstable.state)) > 1e3
-    assert replace(period_map, steps_per_period=100).steps_for(radius, period) == 112
 
 
 @pytest.mark.parametrize("make", [duffing, python_duffing])
@@ -180,8 +152,8 @@ def test_divergence_is_a_result(make) -> None:  # type: ignore[no-untyped-def]
 def test_bad_arguments_name_the_value() -> None:
     with pytest.raises(ValueError, match="stroboscopic"):
         PeriodMap(replace(duffing(), forcing=None))
-    with pytest.raises(ValueError, match="turns is 0"):
-        PeriodMap(duffing(), turns=0)
+    with pytest.raises(ValueError, match="period_multiple is 0"):
+        PeriodMap(duffing(), period_multiple=0)
     with pytest.raises(ValueError, match="steps is 65"):
         PeriodMap(duffing()).evaluate(np.zeros(2), np.ones(2), 1.0, 65)
     with pytest.raises(ValueError, match="autonomous system"):
@@ -208,12 +180,14 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         integrated.append(arguments[7])
         return propagate_implicit(*arguments)
 
-    monkeypatch.setattr(period_map_module, "propagate_implicit", counting)
+    monkeypatch.setattr(passes, "propagate_implicit", counting)
     return integrated
 
 
 def same_bits(first: PeriodImage, second: PeriodImage) -> bool:
-    return all(np.array_equal(value, getattr(second, name)) for name, value in vars(first).items())
+    """Of all that two images tell of the map, its columns included."""
+    names = ("state", "columns", "orbit", "phase", "phase_columns", "finite")
+    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in names)
 
 
 @pytest.mark.parametrize("make", ["stroboscopic", "unforced", "machine"])
@@ -233,61 +207,96 @@ def test_further_columns_along_an_orbit_have_the_same_bits(make: str, monkeypatc
         parameters, state, period = np.array([0.2, 0.3]), np.array([0.4, 0.1, 0.02, -0.01]), 6.0
         orbit = period_map.evaluate(1.1 * state, parameters, period, 16).orbit
         reference = period_map.phase_reference(orbit, parameters, period)
-    steps, columns = 16, np.cos(np.arange(period_map.size * 11)).reshape(-1, 11)
+    start, columns = (state, parameters, period, 16), np.cos(np.arange(period_map.size * 11)).reshape(-1, 11)
     terms = (period_map.parameter_column(0, parameters),)
-    alone = replace(period_map).evaluate(state, parameters, period, steps, columns, (), reference)
+    alone = period_map.evaluate(*start, columns, (), reference)
     integrated = counted(monkeypatch)
-    wide = period_map.evaluate(state, parameters, period, steps, columns[:, :9], terms, reference)
+    wide = period_map.evaluate(*start, columns[:, :9], terms, reference, keep_factors=True)
     assert np.array_equal(wide.columns, alone.columns[:, :9])
-    further = period_map.evaluate(state, parameters, period, steps, columns, (), reference)
+    further = period_map.with_columns(wide, columns, reference)
     assert same_bits(alone, further)
-    assert integrated == [steps]
+    assert np.array_equal(further.inhomogeneous, wide.inhomogeneous)
+    assert same_bits(wide, period_map.with_columns(further, columns[:, :9], reference))
+    assert integrated == [16]
 
 
-def test_only_the_very_same_orbit_is_taken_up_again(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_every_image_has_the_columns_of_its_own_orbit(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    """Whatever was passed before or since, and a pass costs the same every time."""
     period_map, columns = PeriodMap(implicit(tondl()), ESDIRK5, samples=8), np.eye(4)
     period = period_map.period(PARAMETERS)
-    places = [
+    starts = [
         (STATE, PARAMETERS, period, 16),
         (np.nextafter(STATE, 1.0), PARAMETERS, period, 16),
         (STATE, np.nextafter(PARAMETERS, 1.0), period, 16),
         (STATE, PARAMETERS, np.nextafter(period, 1.0), 16),
         (STATE, PARAMETERS, period, 17),
     ]
-    alone = [replace(period_map).evaluate(*place, columns) for place in places]
     integrated = counted(monkeypatch)
-    for place, expected in zip(places, alone, strict=True):
-        period_map.evaluate(*places[0], columns)
-        integrated.clear()
-        assert same_bits(period_map.evaluate(*place, columns), expected)
-        assert len(integrated) == (place is not places[0])
-    # an orbit of which no further columns are wanted does not replace it
-    period_map.evaluate(*places[0], columns)
-    period_map.evaluate(*places[1], columns, once=True)
-    integrated.clear()
-    assert same_bits(period_map.evaluate(*places[0], columns), alone[0])
-    assert integrated == []
+    images = [period_map.evaluate(*start, columns[:, :1], keep_factors=True) for start in starts]
+    alone = [period_map.evaluate(*start, columns) for start in starts]
+    assert integrated == 2 * [16, 16, 16, 16, 17]
+    for image, expected in zip(images, alone, strict=True):
+        assert same_bits(period_map.with_columns(image, columns), expected)
+    assert len(integrated) == 10
 
 
-def test_a_failed_pass_leaves_no_orbit(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_factors_are_there_on_request_and_within_the_limit(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    """Without them a block of columns is a pass, which finds them again."""
     period_map, columns = PeriodMap(implicit(tondl()), ESDIRK5, samples=8), np.eye(4)
-    place = (STATE, PARAMETERS, period_map.period(PARAMETERS), 16)
-    first = period_map.evaluate(*place, columns)
+    start = (STATE, PARAMETERS, period_map.period(PARAMETERS), 16)
+    plain = period_map.evaluate(*start, columns)
+    kept = period_map.evaluate(*start, columns, keep_factors=True)
+    assert plain.factors is None
+    assert kept.factors is not None
+    assert kept.without_factors().factors is None
+    integrated = counted(monkeypatch)
+    again = period_map.with_columns(kept.without_factors(), columns)
+    assert same_bits(again, plain)
+    assert again.factors is not None
+    assert np.array_equal(again.factors, kept.factors)
+    assert integrated == [16]
+    monkeypatch.setattr(passes, "_KEPT_BYTES", kept.factors.nbytes - 1)
+    large = period_map.evaluate(*start, columns, keep_factors=True)
+    assert large.factors is None
+    assert same_bits(period_map.with_columns(large, columns), plain)
+
+
+def test_a_failed_pass_has_no_factors(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    period_map, columns = PeriodMap(implicit(tondl()), ESDIRK5, samples=8), np.eye(4)
 
     def failing(*arguments):  # type: ignore[no-untyped-def]
         arguments[-1][:] = np.nan  # the factors of the stages before it failed
         return 3
 
-    monkeypatch.setattr(period_map_module, "propagate_implicit", failing)
-    assert not period_map.evaluate(1.1 * STATE, *place[1:], columns).finite
-    integrated = counted(monkeypatch)
-    assert same_bits(period_map.evaluate(*place, columns), first)
-    assert integrated == [16]
+    monkeypatch.setattr(passes, "propagate_implicit", failing)
+    period = period_map.period(PARAMETERS)
+    image = period_map.evaluate(STATE, PARAMETERS, period, 16, columns, keep_factors=True)
+    assert not image.finite
+    assert image.factors is None
 
 
 def test_the_oscillator_is_integrated_with_every_block() -> None:
     period_map = PeriodMap(implicit(tondl()), ESDIRK5, Formulation.AUTONOMOUS, samples=8)
     state, period, columns = period_map.extend(STATE), period_map.period(PARAMETERS), np.eye(6)
-    alone = replace(period_map).evaluate(state, PARAMETERS, period, 16, columns)
+    alone = period_map.evaluate(state, PARAMETERS, period, 16, columns)
+    image = period_map.evaluate(state, PARAMETERS, period, 16, columns[:, :2], keep_factors=True)
     for _ in range(2):
-        assert same_bits(period_map.evaluate(state, PARAMETERS, period, 16, columns), alone)
+        image = period_map.with_columns(image, columns)
+        assert image.factors is None
+        assert same_bits(image, alone)
+
+
+def test_cycles_hold_no_factors() -> None:
+    """They are kept, and the factors of an orbit may take 256 MiB."""
+    case = tiny_case().case
+    problem = cycle_problem(build_machine(case), case)
+    guess = problem.consistent(
+        Unknowns(np.zeros(problem.period_map.size), 0.0, problem.parameters[problem.index])
+    )
+    basis, fixed = first_basis(problem, guess, 32), problem.fixed_parameter(guess.parameter)
+    cycle = correct(problem, guess, fixed, basis, 32).cycle
+    assert cycle is not None
+    assert cycle.linear is not None
+    assert basis.shape[1] < basis.shape[0], "Picard sweeps were needed, and with them factors"
+    assert cycle.image.factors is None
+    assert cycle.linear.image.factors is None

@@ -24,7 +24,7 @@ from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import Cycle, CycleProblem, NewtonStop, Unknowns, correct, first_basis
 from pipelines.orbits.steppers import BUTCHER6, DOPRI8, RK4, Stepper
 from pipelines.orbits.system import DynamicalSystem, ode_system
-from pipelines.orbits.time_steps import first_steps, following_steps, step_demand
+from pipelines.orbits.time_steps import first_steps, next_steps, required_steps, spectral_radius, stable_steps
 from pipelines.stages.cycles.problem import cycle_problem
 from pipelines.stages.cycles.start import FirstCycle, resting_start
 from tests.systems import duffing, tondl
@@ -83,7 +83,7 @@ def test_the_error_is_not_above_twice_what_is_told(overrides: tuple[str, ...]) -
     counts = [16, 20, 25, 32, 40, 50, 64, 80, 100, 128, 160, 200, 256, 320, 400]
     for steps in counts:
         cycle = cycle_with(problem, rough.unknowns, steps, rough.basis)
-        error, true = step_demand(problem, cycle).error, nearest(cycle.spectrum.multipliers, reference)
+        error, true = required_steps(problem, cycle).error, nearest(cycle.spectrum.multipliers, reference)
         if math.isnan(error):
             continue
         told += 1
@@ -96,7 +96,7 @@ def test_the_row_of_the_weightless_machine() -> None:
     """4.0e-7 was told with 400 steps where the multipliers are wrong by 8.8e-6."""
     problem, guess = machine_problem("rotor.gravity=0")
     rough = cycle_with(problem, guess, 400, first_basis(problem, guess, 400))
-    assert 4.4e-6 < step_demand(problem, rough).error < 1e-4
+    assert 4.4e-6 < required_steps(problem, rough).error < 1e-4
 
 
 def test_a_smooth_orbit_keeps_the_estimate_of_its_order() -> None:
@@ -104,9 +104,9 @@ def test_a_smooth_orbit_keeps_the_estimate_of_its_order() -> None:
     problem, guess = machine_problem("excitation.displacement=0.05", *COARSE)
     cycle = cycle_with(problem, guess, 50, first_basis(problem, guess, 50))
     at = cycle.unknowns
-    coarse = problem.period_map.evaluate(at.state, cycle.parameters, at.period, 25, cycle.basis, once=True)
+    coarse = problem.period_map.evaluate(at.state, cycle.parameters, at.period, 25, cycle.basis)
     spectra = [np.linalg.eigvals(cycle.basis.T @ image.columns) for image in (cycle.image, coarse)]
-    assert step_demand(problem, cycle).error == nearest(*spectra) / 31.0
+    assert required_steps(problem, cycle).error == nearest(*spectra) / 31.0
 
 
 # --- Explicit steppers ----------------------------------------------------------------------------
@@ -146,7 +146,7 @@ def test_explicit_steppers_tell_their_error(name: str, stepper: Stepper) -> None
     reference = cycle_with(exact, rough.unknowns, 4096, np.eye(size)).spectrum.multipliers
     for steps in (16, 32, 48, 64, 96, 128, 192):
         cycle = cycle_with(problem, rough.unknowns, steps, np.eye(size))
-        error, true = step_demand(problem, cycle).error, nearest(cycle.spectrum.multipliers, reference)
+        error, true = required_steps(problem, cycle).error, nearest(cycle.spectrum.multipliers, reference)
         assert math.isnan(error) or true <= 2.0 * error + 1e-10, (steps, true, error)
 
 
@@ -199,14 +199,41 @@ def decay(rate: float) -> CycleProblem:
     return CycleProblem(PeriodMap(system, RK4), np.array([1.0]), "w")
 
 
+def test_spectral_radius_and_steps() -> None:
+    """A stiff linear system with a known spectrum; the steps chosen are stable and two thirds of them are
+    not.
+    """
+    rates = -np.linspace(1.0, 900.0, 40)
+    system = ode_system(
+        lambda phase, s, p: rates * s + np.cos(phase),
+        None,
+        40,
+        ("omega",),
+        "omega",
+        action=lambda phase, s, block, p: rates[:, None] * block,
+    )
+    period_map = PeriodMap(system, RK4, samples=16, minimum_steps=16)
+    orbit, parameters = np.zeros((16, 40)), np.array([2.0])
+    radius = spectral_radius(period_map, orbit, parameters)
+    assert 0.9 * 900.0 < radius <= 900.0 * (1 + 1e-12)
+    assert radius == spectral_radius(period_map, orbit, parameters)
+    steps, period = stable_steps(period_map, radius, math.pi), math.pi
+    assert steps % 16 == 0
+    assert period_map.evaluate(np.ones(40), parameters, period, steps).finite
+    assert np.max(np.abs(period_map.evaluate(np.ones(40), parameters, period, steps).state)) < 1.0
+    unstable = period_map.evaluate(np.ones(40), parameters, period, 16 * (2 * steps // 48))
+    assert not unstable.finite or np.max(np.abs(unstable.state)) > 1e3
+    assert stable_steps(replace(period_map, steps_per_period=100), radius, period) == 112
+
+
 def test_stability_is_a_lower_bound_and_has_a_cap() -> None:
     guess = Unknowns(np.zeros(1), 2.0 * math.pi, 1.0)
     problem = decay(1000.0)
     steps = first_steps(problem, guess)
-    assert steps == problem.period_map.steps_for(1000.0, 2.0 * math.pi)
+    assert steps == stable_steps(problem.period_map, 1000.0, 2.0 * math.pi)
     cycle = cycle_with(problem, guess, steps, np.eye(1))
-    assert step_demand(problem, cycle).steps == steps
-    assert following_steps(problem, steps, 1e-30) == steps
+    assert required_steps(problem, cycle).steps == steps
+    assert next_steps(problem, steps, 1e-30) == steps
     stiff = decay(1e7)
     assert first_steps(stiff, guess) is NewtonStop.TOO_STIFF
     result = continue_branch(stiff, BranchStart(np.zeros(1), 1.0), ContinuationOptions((0.5, 2.0)), print)

@@ -40,7 +40,7 @@ from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import Cycle, CycleProblem, Unknowns, correct, first_basis, reference_of
 from pipelines.orbits.steppers import DOPRI8, ESDIRK5
-from pipelines.orbits.time_steps import first_steps, step_demand
+from pipelines.orbits.time_steps import first_steps, required_steps
 from pipelines.stages.cycles.problem import cycle_problem
 from tests.helpers.monodromy import full_monodromy
 from tests.machines import BEARING, FOIL, case
@@ -208,9 +208,9 @@ def test_without_excitation_the_multipliers_are_those_of_the_equilibrium() -> No
     for exponent, expected in zip(exponents[slow], discrete[slow], strict=True):
         assert nearest(cycle.spectrum.multipliers, expected) < 1e-9
         assert nearest(cycle.spectrum.multipliers, np.exp(exponent * period)) < problem.options.step_tolerance
-    demand = step_demand(problem, cycle)
+    required = required_steps(problem, cycle)
     largest = max(nearest(cycle.spectrum.multipliers, value) for value in np.exp(exponents[slow] * period))
-    assert demand.error == pytest.approx(largest, rel=0.2)  # the next order of the stepper
+    assert required.error == pytest.approx(largest, rel=0.2)  # the next order of the stepper
 
 
 # --- Both formulations ----------------------------------------------------------------------------

@@ -111,10 +111,8 @@ class History:
         return sizes[-1] > max(1.0, _DIVERGENCE * min(sizes))
 
     def given_up(self, stop: NewtonStop, at: MapAt) -> CurveCorrection:
-        """How an iteration ended that did not converge; rounding is named where it is the reason."""
-        parameters = at.problem.parameters_at(at.position)
-        place = at.position.state, parameters, at.position.period, at.steps
-        rounding = is_rounding(at.problem.period_map, place, at.reference, self._sizes)
+        """The end of an iteration that did not converge, by rounding where that is why."""
+        rounding = is_rounding(at.problem.period_map, at.orbit_start, at.reference, self._sizes)
         return self.ended(NewtonStop.ROUNDING if rounding else stop)
 
     @property

@@ -32,9 +32,14 @@ from pipelines.bifurcations.critical.critical_cycles import (
     Vectors,
     critical_derivatives,
     critical_pass,
-    swept_pass,
+    picard_pass,
 )
-from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation, ManifoldStep, manifold_step
+from pipelines.bifurcations.critical.cycle_manifold import (
+    ManifoldLinearisation,
+    ManifoldStep,
+    PicardColumns,
+    manifold_step,
+)
 from pipelines.bifurcations.critical.extended_system import correct_extended
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem, MapAt, PlaneMetric, Position
@@ -84,10 +89,10 @@ def with_converged_multipliers(
         if np.all(spectrum.residuals[np.abs(spectrum.multipliers) > options.checked_modulus] <= tolerance):
             break
         basis = following(basis, image.columns[:, : basis.shape[1]])
-        image = at.full_pass(np.hstack([basis, vectors.columns]))
+        image = at.with_columns(image, np.hstack([basis, vectors.columns]))
     if basis is found.basis:
         return found
-    passed = swept_pass(at, basis, vectors, image, found.linear)
+    passed = picard_pass(at, basis, vectors, image, found.linear.picard)
     critical = critical_of(passed, bordering)
     return found if critical is None else CriticalCycle(passed.linear, critical, found.gradient)
 
@@ -98,9 +103,9 @@ def _correct_bordered(
     history, vectors = History(), vectors_of(bordering, at.problem.kind)
     gradient, last = constraint.gradient, 0.0
     moved: Position | None = None
-    linear: ManifoldLinearisation | None = None
+    warm: PicardColumns | None = None
     for _ in range(at.problem.options.iterations + 1):
-        passed = critical_pass(at, basis, vectors, linear)
+        passed = critical_pass(at, basis, vectors, warm)
         if passed is None:
             return history.ended(NewtonStop.NON_FINITE)
         critical = critical_of(passed, bordering)
@@ -129,6 +134,8 @@ def _correct_bordered(
         moved, last = step.correction.plus(step.across, beta), critical.value
         at, basis = at.beside(moved, 1.0), following(basis, linear.image.columns)
         vectors = Vectors(critical.right, critical.right_period or 0.0)
+        warm = linear.picard
+        del passed, linear  # free the factors before the next pass makes its own
     return history.given_up(NewtonStop.ITERATIONS, at)
 
 

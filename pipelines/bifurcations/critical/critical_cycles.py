@@ -98,15 +98,15 @@ class CriticalPass:
 
 
 def critical_pass(
-    at: MapAt, basis: Matrix, vectors: Vectors, warm: ManifoldLinearisation | None = None
+    at: MapAt, basis: Matrix, vectors: Vectors, warm: PicardColumns | None = None
 ) -> CriticalPass | None:
     """One full pass with the critical vectors and the sweeps that belong to it; None when it diverges."""
     image = at.full_pass(np.hstack([basis, vectors.columns]))
-    return swept_pass(at, basis, vectors, image, warm) if image.finite else None
+    return picard_pass(at, basis, vectors, image, warm) if image.finite else None
 
 
-def swept_pass(
-    at: MapAt, basis: Matrix, vectors: Vectors, image: PeriodImage, warm: ManifoldLinearisation | None = None
+def picard_pass(
+    at: MapAt, basis: Matrix, vectors: Vectors, image: PeriodImage, warm: PicardColumns | None = None
 ) -> CriticalPass:
     """The Picard sweeps for a full pass with the columns [basis, vectors]; ``warm`` as in ``linearise``."""
     kind, columns = at.problem.kind, basis.shape[1]
@@ -169,7 +169,7 @@ def critical_derivatives(
     if critical.right_period is not None:
         weights = np.array([critical.right_period * linear.period_unit])
     slopes, phases = map_slopes(linear.at, critical.right, weights, directions, linear.scale, metric)
-    left = left_products(linear.at, linear.basis, critical, slopes, phases, _LEFT_TOLERANCE)
+    left = left_products(linear, critical, slopes, phases, _LEFT_TOLERANCE)
     parts = [left[:, count * i : count * (i + 1)] for i in range(len(directions))]
     return CriticalDerivatives(
         np.array([np.sum(critical.weights * part) for part in parts]),
@@ -178,16 +178,17 @@ def critical_derivatives(
 
 
 def left_products(
-    at: MapAt, basis: Matrix, critical: Critical, columns: Matrix, phases: Vector, tolerance: float
+    linear: ManifoldLinearisation, critical: Critical, columns: Matrix, phases: Vector, tolerance: float
 ) -> Matrix:
     """p'x for all ``columns`` x (N, c) with their phase rows (c,): (m, c); relative ``tolerance``."""
+    at, basis, passed = linear.at, linear.basis, linear.image
     total = critical.left.T @ (basis.T @ columns) + critical.left_phase * phases
     if basis.shape[0] == basis.shape[1]:
         return np.asarray(total)
     inverse = np.linalg.inv(critical.matrix)
     power, rest = inverse, project_out(basis, columns)
     for _ in range(at.problem.options.picard_sweeps):
-        passed = at.tangent(rest)
+        passed = at.with_columns(passed, rest)
         term = critical.left.T @ (basis.T @ passed.columns) + critical.left_phase * passed.phase_columns
         total = total + power @ term
         if np.max(np.abs(power @ term)) <= tolerance * np.max(np.abs(total)):
@@ -213,14 +214,14 @@ def with_sharp_left(linear: ManifoldLinearisation, critical: Critical, tolerance
     count, inverse = len(critical.matrix), np.linalg.inv(critical.matrix)
     projected = basis.T @ linear.image.columns
     system = np.kron(np.eye(count), projected.T) - np.kron(critical.matrix, np.eye(columns))
-    rest, power = project_out(basis, linear.image.columns), inverse
+    rest, power, passed = project_out(basis, linear.image.columns), inverse, linear.image
     for _ in range(linear.at.problem.options.multiplier_sweeps):
-        passed = linear.at.tangent(rest).columns
-        term = basis.T @ passed
+        passed = linear.at.with_columns(passed, rest)
+        term = basis.T @ passed.columns
         system += np.kron(power, term.T)
         if np.max(np.abs(term)) <= tolerance:
             break
-        rest, power = project_out(basis, passed), inverse @ power
+        rest, power = project_out(basis, passed.columns), inverse @ power
     slow = basis.T @ critical.right
     across = critical.left if count == 1 else slow
     wanted = across.T @ across if count == 1 else np.eye(count)

@@ -42,6 +42,7 @@ class PicardColumns:
 
 def picard_iteration(
     at: MapAt,
+    passed: PeriodImage,
     basis: Matrix,
     sources: Matrix,
     inverse: Matrix,
@@ -51,9 +52,10 @@ def picard_iteration(
 ) -> PicardColumns:
     """Picard sweeps q <- Q (M q + x) A^-1 outside the slow subspace; ``inverse`` (c, c) is A^-1.
 
-    They converge like abs(mu_neglected / eigenvalue of A), until the change of every column is below its
-    ``tolerance`` times the size of its source, or without influence on the corrector: ``sizes`` of the
-    columns are what its tolerance is relative to.
+    They go along the orbit of an image that was ``passed`` at the position, and converge like
+    abs(mu_neglected / eigenvalue of A), until the change of every column is below its ``tolerance`` times the
+    size of its source, or without influence on the corrector: ``sizes`` of the columns are what its tolerance
+    is relative to.
     """
     zeros = np.zeros_like(sources)
     if basis.shape[0] == basis.shape[1]:
@@ -63,7 +65,7 @@ def picard_iteration(
     enough = tolerance * np.linalg.norm(sources, axis=0) + _NO_INFLUENCE * options.tolerance * sizes
     image, phase = zeros, np.zeros(sources.shape[1])
     for _ in range(options.picard_sweeps):
-        passed = at.tangent(picard)
+        passed = at.with_columns(passed, picard)
         image, phase = passed.columns, passed.phase_columns
         following = project_out(basis, image + sources) @ inverse
         if np.all(np.linalg.norm(following - picard, axis=0) <= enough):
@@ -81,7 +83,8 @@ def project_out(basis: Matrix, columns: Matrix) -> Matrix:
 class ManifoldLinearisation:
     """The map and its derivatives at a position near the surface of cycles.
 
-    ``sources`` (N, 3 or 4): r, phi_1, phi_2 and phi_T; ``picard``: their Picard parts.
+    ``image``: the full pass, with its factors; ``sources`` (N, 3 or 4): r, phi_1, phi_2 and phi_T;
+    ``picard``: their Picard parts.
     """
 
     at: MapAt
@@ -100,6 +103,10 @@ class ManifoldLinearisation:
         """The size of the states on the orbit."""
         return self.at.problem.period_map.scale(self.image.orbit)
 
+    def mapped(self, columns: Matrix) -> Matrix:
+        """M columns, along the orbit of the full pass."""
+        return self.at.with_columns(self.image, columns).columns
+
     @property
     def period_unit(self) -> float:
         """The function `period_unit` for this position."""
@@ -117,14 +124,15 @@ def linearise(
     image: PeriodImage,
     defect: Matrix,
     inverse: Matrix,
-    warm: ManifoldLinearisation | None = None,
+    warm: PicardColumns | None = None,
 ) -> tuple[ManifoldLinearisation, PicardColumns]:
     """The Picard parts for a full pass and for a ``defect`` (N, m) of critical vectors, in common sweeps.
 
     The defect's part solves q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
 
-    ``warm``: the last linearisation, whose q_j are first guesses.  The Picard iteration of the residual
-    and of the defect ends earlier than that of the derivatives: the next correction takes what is left.
+    ``warm``: the Picard parts of the last position, whose q_j are first guesses.  The Picard iteration of the
+    residual and of the defect ends earlier than that of the derivatives: the next correction takes what is
+    left.
     """
     sources = np.column_stack([image.state - at.position.state, image.inhomogeneous])
     count, defects = sources.shape[1], defect.shape[1]
@@ -136,10 +144,10 @@ def linearise(
     guess = None
     if warm is not None:
         guess = together @ both
-        guess[:, 1:count] = warm.picard.columns[:, 1:]
+        guess[:, 1:count] = warm.columns[:, 1:]
     sizes = np.full(count + defects, at.problem.period_map.scale(image.orbit))
     sizes[count:] = 1.0
-    picard = picard_iteration(at, basis, together, both, tolerances, guess, sizes)
+    picard = picard_iteration(at, image, basis, together, both, tolerances, guess, sizes)
     surface = PicardColumns(picard.columns[:, :count], picard.image[:, :count], picard.phase[:count])
     rest = PicardColumns(picard.columns[:, count:], picard.image[:, count:], picard.phase[count:])
     return ManifoldLinearisation(at, basis, image, sources, surface), rest

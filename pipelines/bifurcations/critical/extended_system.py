@@ -66,7 +66,7 @@ def correct_extended(
         if iteration == 0:
             passed = _mapped(opening, vectors)
         else:
-            following_pass = critical_pass(at, basis, Vectors(vectors), passed.linear)
+            following_pass = critical_pass(at, basis, Vectors(vectors), passed.linear.picard)
             if following_pass is None:
                 return history.ended(NewtonStop.NON_FINITE)
             passed = following_pass
@@ -96,8 +96,8 @@ def correct_extended(
 
 
 def _mapped(opening: CriticalPass, vectors: Matrix) -> CriticalPass:
-    """The first pass with other critical vectors, at the cost of their columns alone."""
-    mapped = opening.linear.at.tangent(vectors).columns
+    """The opening pass with other critical vectors, for the price of their columns alone."""
+    mapped = opening.linear.mapped(vectors)
     return replace(opening, vectors=Vectors(vectors), defect=mapped - vectors @ opening.matrix)
 
 
@@ -150,7 +150,7 @@ def _extended_step(
         parts.append(-vectors @ derivative)
     inverse = np.kron(np.eye(len(parts)), np.linalg.inv(matrix))
     sources = np.hstack(parts)
-    picard = picard_iteration(at, basis, sources, inverse, at.problem.options.picard_tolerance)
+    picard = picard_iteration(at, linear.image, basis, sources, inverse, at.problem.options.picard_tolerance)
     solution = _solve_slow(linear, matrix, sources, picard, _normalisations(vectors, reference))
     if solution is None:
         return None

@@ -27,7 +27,7 @@ from pipelines.bifurcations.plane import CurveProblem, MapAt, PlaneMetric, Posit
 from pipelines.orbits.floquet import adapted_basis
 from pipelines.orbits.shooting import NewtonStop, correct, first_basis, reference_of
 from pipelines.orbits.system import Matrix
-from pipelines.orbits.time_steps import StepDemand, demand_at, first_steps
+from pipelines.orbits.time_steps import RequiredSteps, first_steps, required_steps_at
 
 
 def start_curve(
@@ -47,17 +47,17 @@ def start_curve(
         return Rejected(steps.advice)
     opened = _open_with(problem, start, options, metric, guess, first_basis(cycles, unknowns, steps), steps)
     if isinstance(opened, CurveEnd):
-        demand = demand_of(problem, opened, steps)
-        if demand.steps > steps:
-            steps, basis = demand.steps, opened.point.cycle.basis
+        required = required_steps_of(problem, opened)
+        if required.steps > steps:
+            steps, basis = required.steps, opened.point.cycle.basis
             opened = _open_with(problem, start, options, metric, opened.position, basis, steps)
             if isinstance(opened, CurveEnd):
-                demand = demand_of(problem, opened, steps)
+                required = required_steps_of(problem, opened)
     if isinstance(opened, str):
         return Rejected(opened)
     if resonant_end(problem.kind, opened.point.cos_theta) is not None:
         opened = _facing_inwards(problem, opened, options, metric)
-    opened = replace(opened, point=replace(opened.point, step_error=demand.error))
+    opened = replace(opened, point=replace(opened.point, step_error=required.error))
     at = opened.position
     if problem.period_map.autonomous:
         opened = _measured_by(opened, curve_metric(problem, options, at))
@@ -198,13 +198,10 @@ def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
     }
 
 
-def demand_of(problem: CurveProblem, found: CriticalCycle | CurveEnd, steps: int) -> StepDemand:
-    """Steps per period that a point corrected with ``steps`` asks for, and the error left by ``steps``."""
+def required_steps_of(problem: CurveProblem, found: CriticalCycle | CurveEnd) -> RequiredSteps:
+    """Steps per period that a corrected point asks for, and what those in use leave."""
     if isinstance(found, CriticalCycle):
         basis, image = found.linear.basis, found.linear.image
     else:
         basis, image = found.point.cycle.basis, found.point.cycle.image
-    at, parameters = found.position, problem.parameters_at(found.position)
-    return demand_at(
-        problem.period_map, problem.options, at.state, parameters, at.period, steps, basis, image
-    )
+    return required_steps_at(problem.period_map, problem.options, basis, image)

@@ -26,7 +26,7 @@ from pipelines.bifurcations.critical.critical_cycles import (
 from pipelines.bifurcations.critical.cycle_manifold import manifold_tangents
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.curve import CurveStart
-from pipelines.bifurcations.curves.first_point import demand_of
+from pipelines.bifurcations.curves.first_point import required_steps_of
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import CurveProblem, MapAt, PlaneMetric, Position
 from pipelines.orbits.shooting import NewtonStop, correct, first_basis, reference_of
@@ -89,7 +89,7 @@ def _located(
     for _ in range(2):
         if isinstance(found, NotLocated) or not chosen:
             break
-        needed = demand_of(problem, found, steps).steps
+        needed = required_steps_of(problem, found).steps
         if needed <= steps:
             break
         steps = problem.period_map.rounded_steps(STEP_GROWTH * needed)

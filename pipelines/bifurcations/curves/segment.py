@@ -163,7 +163,7 @@ def _point(correction: CurveCorrection, found: CriticalCycle, form: NormalForm |
         problem.unknowns(found.position),
         problem.parameters_at(found.position),
         found.basis,
-        linear.image,
+        linear.image.without_factors(),
         floquet_spectrum(found.basis, linear.image.columns),
         correction.residual_norms[-1],
         found.steps,

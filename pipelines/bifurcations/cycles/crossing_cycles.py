@@ -37,12 +37,12 @@ def halved_map(period_map: PeriodMap) -> PeriodMap | None:
     halves = [period_map.samples, period_map.steps_per_period or 2]
     known = period_map.system.forcing is not None
     if known:
-        halves.append(period_map.turns)
+        halves.append(period_map.period_multiple)
     if any(count % 2 for count in halves):
         return None
     return replace(
         period_map,
-        turns=period_map.turns // 2 if known else period_map.turns,
+        period_multiple=period_map.period_multiple // 2 if known else period_map.period_multiple,
         samples=period_map.samples // 2,
         steps_per_period=None if period_map.steps_per_period is None else period_map.steps_per_period // 2,
         minimum_steps=period_map.minimum_steps if known else max(1, period_map.minimum_steps // 2),
@@ -54,8 +54,7 @@ def passes_own_doubling(segment: Segment) -> bool:
     if halved_map(segment.problem.period_map) is None:
         return False
     start, problem = segment.start, segment.problem
-    parameters = problem.parameters_at(start.parameter)
-    before = problem.period_map.evaluate(start.state, parameters, start.period, segment.end.steps)
+    before = problem.period_map.evaluate(*problem.orbit_start(start, segment.end.steps))
     return bool(_halves_apart(before.orbit) @ _halves_apart(segment.end.image.orbit) < 0.0)
 
 

@@ -98,7 +98,7 @@ def normal_form(
 
 def _fold(linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
     q = critical.right / linear.at.length(critical.right)
-    quadratic, _ = _Differences(linear, q[:, 0], options).of(q, linear.at.tangent(q).columns)
+    quadratic, _ = _Differences(linear, q[:, 0], options).of(q, linear.mapped(q))
     # a = p.B(q, q) / 2
     return 0.5 * _left(linear, critical, quadratic, q)[0]
 
@@ -108,7 +108,7 @@ def _period_doubling(
 ) -> Complex:
     q = critical.right / linear.at.length(critical.right)
     along = _Differences(linear, q[:, 0], options)
-    quadratic, cubic = along.of(q, linear.at.tangent(q).columns)
+    quadratic, cubic = along.of(q, linear.mapped(q))
     # (I - M) h = B(q, q), for the fine and the coarse differences side by side
     h = _solve(linear, 1.0, quadratic.astype(complex)).real
     # b = p.[C(q, q, q) + 3 B(q, h)] / 6
@@ -119,7 +119,7 @@ def _left(linear: ManifoldLinearisation, critical: Critical, columns: Matrix, q:
     """p.x for ``columns`` x with p.q = 1 for the real critical vectors ``q`` (N, m): (m, c)."""
     together = np.hstack([q, columns])
     phases, count = np.zeros(together.shape[1]), q.shape[1]
-    products = left_products(linear.at, linear.basis, critical, together, phases, _SOLVE_TOLERANCE)
+    products = left_products(linear, critical, together, phases, _SOLVE_TOLERANCE)
     return np.linalg.solve(products[:, :count], products[:, count:]).astype(complex)
 
 
@@ -129,7 +129,7 @@ def _neimark_sacker(linear: ManifoldLinearisation, critical: Critical, options: 
     parts = np.column_stack([q.real, q.imag])
     length = linear.at.length(parts)
     parts, left = parts / length, left * length
-    centre = linear.at.tangent(parts).columns
+    centre = linear.mapped(parts)
     real, imaginary = (_Differences(linear, np.ascontiguousarray(part), options) for part in parts.T)
     by_real, cubic_real = real.of(parts, centre)
     by_imaginary, cubic_imaginary = imaginary.of(parts, centre)
@@ -192,7 +192,7 @@ class _Differences:
 
     def _beside(self, distance: float, columns: Matrix) -> Matrix:
         way = Position(self.direction, 0.0, np.zeros(2))
-        return self.linear.at.beside(way, distance).tangent(columns, once=True).columns
+        return self.linear.at.beside(way, distance).tangent(columns).columns
 
 
 def _solve(linear: ManifoldLinearisation, value: complex, columns: Complex) -> Complex:
@@ -202,7 +202,9 @@ def _solve(linear: ManifoldLinearisation, value: complex, columns: Complex) -> C
     real = np.hstack([columns.real, columns.imag])
     # q value = Q (M q + x) as a real pair [Re q, Im q]
     inverse = np.asarray(np.kron(np.linalg.inv(matrix), np.eye(count)), dtype=np.float64)
-    picard = picard_iteration(linear.at, basis, real, inverse, _SOLVE_TOLERANCE, sizes=1.0 / linear.scale)
+    picard = picard_iteration(
+        linear.at, linear.image, basis, real, inverse, _SOLVE_TOLERANCE, sizes=1.0 / linear.scale
+    )
     # (H - value) a = -V'(x + M q)
     sources = columns + picard.image[:, :count] + 1j * picard.image[:, count:]
     projected = basis.T @ linear.image.columns

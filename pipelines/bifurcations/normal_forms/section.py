@@ -30,8 +30,9 @@ _ITERATIONS = 8  # of Newton for a return time: from beside the cycle three are 
 
 @dataclass(frozen=True)
 class ReturnMapAt(MapAt):
-    """P at one position of the section: ``tangent`` gives DP, and ``position.period`` is the return time.
+    """P at one position of the section.
 
+    All passes give DP columns, and ``position.period`` is the return time.
     ``normal`` (N,): n; ``level``: <n, s_0>; ``flow`` (N,): phi_T.
     """
 
@@ -39,16 +40,21 @@ class ReturnMapAt(MapAt):
     level: float
     flow: Vector
 
-    def tangent(self, columns: Matrix, period_column: bool = False, once: bool = False) -> PeriodImage:
+    def tangent(self, columns: Matrix, period_column: bool = False) -> PeriodImage:
         """DP columns = Pi M columns."""
-        image = super().tangent(columns, period_column, once)
+        image = super().tangent(columns, period_column)
+        return replace(image, columns=self.projected(image.columns))
+
+    def with_columns(self, image: PeriodImage, columns: Matrix) -> PeriodImage:
+        """The image with DP columns."""
+        image = super().with_columns(image, columns)
         return replace(image, columns=self.projected(image.columns))
 
     def beside(self, direction: Position, distance: float) -> ReturnMapAt:
         """P at position + distance direction, where the return time differs."""
         at = replace(self, position=self.position.plus(direction, distance))
         for _ in range(_ITERATIONS):
-            image = MapAt.tangent(at, np.zeros((len(self.normal), 0)), period_column=True, once=True)
+            image = MapAt.tangent(at, np.zeros((len(self.normal), 0)), period_column=True)
             at = replace(at, flow=image.inhomogeneous[:, -1].copy())
             # <n, phi(s, tau)> + <n, phi_T> dtau = <n, s_0>
             change = (self.level - float(self.normal @ image.state)) / float(self.normal @ at.flow)
@@ -67,11 +73,9 @@ class ReturnMapAt(MapAt):
         if angle == 0.0:
             return super().length(columns)
         period_map, at = self.problem.period_map, self.position
-        time = at.period * angle / (2.0 * math.pi * period_map.turns)
+        time = at.period * angle / (2.0 * math.pi * period_map.period_multiple)
         parameters = self.problem.parameters_at(at)
-        return super().length(
-            period_map.evaluate(at.state, parameters, time, self.steps, columns, once=True).columns
-        )
+        return super().length(period_map.evaluate(at.state, parameters, time, self.steps, columns).columns)
 
     def _angle_to_zero(self) -> float:
         """How far the forcing turns until its phase is zero: forward, because a film cannot go back."""
@@ -80,7 +84,7 @@ class ReturnMapAt(MapAt):
             return 0.0
         s1, s2 = self.position.state[-2:]
         phase = math.atan2(s1, s2)
-        return -phase if phase <= 0.0 else 2.0 * math.pi * period_map.turns - phase
+        return -phase if phase <= 0.0 else 2.0 * math.pi * period_map.period_multiple - phase
 
     def projected(self, columns: Matrix) -> Matrix:
         """Pi columns."""

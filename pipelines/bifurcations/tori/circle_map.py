@@ -3,7 +3,7 @@
 One pass takes a state x and an angle theta to P(x; theta) and turns the angle by rho.  Two kinds:
 
     known rho       theta is an angle of the equations (the rotor's, while the rings set the period), and
-                    rho = 2 pi turns Omega / Omega_ex follows from two frequencies
+                    rho = 2 pi period_multiple Omega / Omega_ex follows from two frequencies
     unknown rho     P does not depend on theta, which only names the points of the curve
 """
 
@@ -121,7 +121,8 @@ class PeriodCircle:
         assert system.forcing is not None
         parameters = self.parameters_at(parameter)
         second, first = system.parameter_index(self.frequency), system.forcing
-        value = 2.0 * math.pi * self.period_map.turns * float(parameters[second] / parameters[first])
+        turn = 2.0 * math.pi * self.period_map.period_multiple
+        value = turn * float(parameters[second] / parameters[first])
         slope = 0.0
         if self.index == second:
             slope += value / float(parameters[second])
@@ -137,6 +138,6 @@ class PeriodCircle:
         if with_parameter:
             asked = (self.period_map.parameter_column(self.index, parameters),)
         period = self.period_map.period(parameters)
-        image = self.period_map.evaluate(state, parameters, period, self.steps, columns, asked, once=True)
+        image = self.period_map.evaluate(state, parameters, period, self.steps, columns, asked)
         slope = image.inhomogeneous[:, 0] if with_parameter else np.zeros(self.size)
         return CircleImage(image.state, image.columns, np.ascontiguousarray(slope), image.finite)

@@ -124,8 +124,10 @@ def _critical_vector(problem: CycleProblem, event: Event) -> tuple[Complex, Matr
     basis = first_basis(problem, Unknowns(event.state, event.period, float(event.parameters[problem.index])),
                         event.steps)  # fmt: skip
     target = np.exp(1j * event.angle)
+    image = period_map.evaluate(
+        event.state, event.parameters, event.period, event.steps, basis, keep_factors=True
+    )
     for _ in range(_EIGENVECTOR_SWEEPS):
-        image = period_map.evaluate(event.state, event.parameters, event.period, event.steps, basis)
         if not image.finite:
             return None
         spectrum = floquet_spectrum(basis, image.columns)
@@ -134,4 +136,5 @@ def _critical_vector(problem: CycleProblem, event: Event) -> tuple[Complex, Matr
             vector = spectrum.vectors[:, nearest]
             return vector / vector[np.argmax(np.abs(vector))], basis
         basis = orthonormal(image.columns)
+        image = period_map.with_columns(image, basis)
     return None

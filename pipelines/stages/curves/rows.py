@@ -74,8 +74,8 @@ class CurveRecorder:
     def limit(self, point: CurvePoint) -> str | None:
         """A sentence if the point is not physical: a film too thin, or a pressure below vacuum."""
         cycle = point.cycle
-        turns = self._problem.period_map.turns
-        self._shape = cycle_shape(self._machine, cycle.image.orbit, cycle.parameters, turns, snapshots=0)
+        multiple = self._problem.period_map.period_multiple
+        self._shape = cycle_shape(self._machine, cycle.image.orbit, cycle.parameters, multiple, snapshots=0)
         return unphysical(self._shape, self._case.continue_cycles.minimum_film)
 
     def record(self, point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:

@@ -26,7 +26,7 @@ from pipelines.orbits.equilibria.linear import Instability, at_speed, linear_poi
 from pipelines.orbits.hopf_start import start_at_hopf
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.orbits.steppers import ImplicitStepper
-from pipelines.orbits.time_steps import MOST_STEPS
+from pipelines.orbits.time_steps import MOST_STEPS, spectral_radius, stable_steps
 from pipelines.stages.cycles.problem import is_self_excited
 from pipelines.stages.linear.linearize import hopf_between, leading_growth
 
@@ -91,8 +91,8 @@ def _too_stiff(problem: CycleProblem, start: BranchStart) -> NoStart | None:
     if period_map.steps_per_period is not None or isinstance(period_map.stepper, ImplicitStepper):
         return None
     resting = np.tile(start.state, (period_map.samples, 1))
-    radius = period_map.spectral_radius(resting, problem.parameters)
-    steps = period_map.steps_for(radius, start.period)
+    radius = spectral_radius(period_map, resting, problem.parameters)
+    steps = stable_steps(period_map, radius, start.period)
     if steps <= MOST_STEPS:
         return None
     return NoStart(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from pipelines.orbits.equilibria.equilibrium import Equilibrium, machine_equilib
 from pipelines.orbits.equilibria.linear import at_speed, linear_point
 from pipelines.orbits.shooting import CycleProblem, NewtonStop, Unknowns, first_basis
 from pipelines.orbits.steppers import ImplicitStepper
-from pipelines.orbits.time_steps import demand_at, first_steps
+from pipelines.orbits.time_steps import first_steps, required_steps_at
 from pipelines.stages.cycles.problem import INITIAL_COLUMNS, cycle_problem
 from pipelines.stages.linear.linearize import reference_parameters
 from pipelines.stages.refinement.levels import case_on, grid_family
@@ -118,21 +118,20 @@ def _pass(machine: Machine, case: Case) -> float | None:
     first = first_steps(problem, guess)
     if isinstance(first, NewtonStop):
         return None
-    steps = wanted = first
+    steps = required = first
     if isinstance(period_map.stepper, ImplicitStepper):
         basis = first_basis(problem, guess, steps)
         image = period_map.evaluate(state, parameters, period, steps, basis)
-        wanted = demand_at(period_map, problem.options, state, parameters, period, steps, basis, image).steps
+        required = required_steps_at(period_map, problem.options, basis, image).steps
     else:  # its steps follow from stability: a stiff machine may ask for millions
-        steps = period_map.rounded_steps(min(wanted, _MEASURED_STEPS))
+        steps = period_map.rounded_steps(min(required, _MEASURED_STEPS))
         basis = np.eye(period_map.size, min(INITIAL_COLUMNS, period_map.size))
     seconds = []
-    forgetful = replace(period_map)  # which has kept no orbit
     for _ in range(_TRIALS):
         begin = time.perf_counter()
-        forgetful.evaluate(state, parameters, period, steps, basis, once=True)
+        period_map.evaluate(state, parameters, period, steps, basis)
         seconds.append(time.perf_counter() - begin)
-    return min(seconds) * wanted / steps
+    return min(seconds) * required / steps
 
 
 def _period(problem: CycleProblem) -> float:

@@ -68,12 +68,12 @@ def torus_shape(machine: Machine, circle: PeriodCircle, at: TorusUnknowns) -> To
     """The shape of a torus from a pass from each of its angles, and one with half of the steps."""
     images, orbits = _passes(circle, at, circle.steps)
     count, samples, size = orbits.shape
-    parameters, turns = circle.parameters_at(at.parameter), circle.period_map.turns
+    parameters, multiple = circle.parameters_at(at.parameter), circle.period_map.period_multiple
     shape = cycle_shape(
         machine,
         orbits.reshape(count * samples, size),
         parameters[: len(PARAMETERS)],
-        turns * count,
+        multiple * count,
         snapshots=0,
     )
     masters = shape.orbit.reshape(count, samples, -1)

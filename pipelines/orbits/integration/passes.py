@@ -1,0 +1,117 @@
+"""One pass over a period: the arrays of the compiled loops, and how the loops are called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.machine.lanes import LANES
+from pipelines.orbits.integration.esdirk import aligned
+from pipelines.orbits.integration.implicit import propagate_columns, propagate_implicit, workspace_sizes
+from pipelines.orbits.integration.propagation import propagate, workspace_size
+from pipelines.orbits.steppers import ImplicitStepper, Stepper
+from pipelines.orbits.system import DynamicalSystem, Matrix, Vector
+
+_KEPT_BYTES = 256 * 1024**2  # of the factors of one orbit, at most
+
+
+@dataclass(frozen=True)
+class Pass:
+    """What a loop reads of the orbit and of the columns, and the arrays that it advances in place.
+
+    ``turn``: change of the forcing's phase [rad]; ``oscillator``: index of the frequency of Eq. 17, or -1;
+    ``orbit`` (samples, size); all other shapes as in ``propagation.propagate``.
+    """
+
+    parameters: Vector
+    period: float
+    steps: int
+    turn: float
+    oscillator: int
+    state: Vector
+    block: Matrix
+    column_parameter: NDArray[np.int64]
+    column_period: Vector
+    orbit: Matrix
+    gradient: Matrix
+    functional: Vector
+
+
+def explicit_pass(system: DynamicalSystem, stepper: Stepper, run: Pass) -> bool:
+    """Orbit and columns with an explicit stepper; False if a step failed."""
+    size, columns = run.block.shape
+    space = np.zeros(workspace_size(size, columns, stepper.stages, len(run.parameters)))
+    loop = propagate if system.compiled else propagate.py_func
+    failed = loop(
+        system.rates, system.tangent, stepper.a, stepper.b, stepper.c,
+        run.steps, run.turn, run.period, run.oscillator,
+        run.parameters, system.constants, system.layout, np.zeros(system.work_size), run.state, run.block,
+        run.column_parameter, run.column_period, run.orbit, run.gradient, run.functional, space,
+    )  # fmt: skip
+    return bool(failed < 0)
+
+
+def implicit_pass(
+    system: DynamicalSystem, stepper: ImplicitStepper, run: Pass, keep_factors: bool
+) -> tuple[bool, Matrix | None]:
+    """Orbit and columns with a diagonally implicit stepper; False if a step failed.
+
+    The factors (stages, doubles) with which the columns were solved come with it where they were asked for
+    and ``columns_pass`` can use them: not with the oscillator, whose rows they do not hold.
+    """
+    assert system.shifted is not None
+    lines, functional = _chunked(run.block), _functional(run.block)
+    orbit_space, column_space = map(aligned, workspace_sizes(run.state.size, len(lines), stepper.stages))
+    rows, size = run.steps * (stepper.stages - 1), system.shifted.factors_size
+    keeps = keep_factors and len(lines) > 0 and run.oscillator < 0 and 8 * rows * size <= _KEPT_BYTES
+    kept = np.empty((rows if keeps else 0, size))
+    failed = propagate_implicit(
+        system.rates, system.tangent, system.shifted.factorise, system.shifted.solve,
+        stepper.a, stepper.c, stepper.predictor,
+        run.steps, run.turn, run.period, run.oscillator,
+        run.parameters, system.constants, system.layout, aligned(system.work_size),
+        aligned(size), run.state, lines,
+        run.column_parameter, run.column_period, run.orbit, run.gradient, functional,
+        orbit_space, column_space, kept,
+    )  # fmt: skip
+    _take(run, lines, functional)
+    return bool(failed < 0), kept if keeps and failed < 0 else None
+
+
+def columns_pass(system: DynamicalSystem, stepper: ImplicitStepper, run: Pass, factors: Matrix) -> None:
+    """Columns alone, along the orbit of a pass that kept its factors; ``run.orbit`` holds its samples."""
+    assert system.shifted is not None
+    lines, functional = _chunked(run.block), _functional(run.block)
+    orbit_space, column_space = map(aligned, workspace_sizes(run.state.size, len(lines), stepper.stages))
+    propagate_columns(
+        system.rates, system.tangent, system.shifted.factorise, system.shifted.solve,
+        stepper.a, run.steps, run.period, run.parameters, system.constants, system.layout,
+        aligned(system.work_size), factors, run.state, lines, run.orbit, run.gradient, functional,
+        orbit_space, column_space,
+    )  # fmt: skip
+    _take(run, lines, functional)
+
+
+def _chunked(block: Matrix) -> Matrix:
+    """Columns (size, m) in chunks of LANES, (chunks, size * LANES), the last one filled up with zeros."""
+    size, width = block.shape
+    chunks = -(-width // LANES)
+    padded = np.zeros((size, chunks * LANES))
+    padded[:, :width] = block
+    lines = aligned(chunks * size * LANES).reshape(chunks, size * LANES)
+    lines[:] = padded.reshape(size, chunks, LANES).swapaxes(0, 1).reshape(chunks, size * LANES)
+    return lines
+
+
+def _functional(block: Matrix) -> Vector:
+    """Room for the functional of the orbit and of every column in chunks."""
+    return np.zeros(1 + -(-block.shape[1] // LANES) * LANES)
+
+
+def _take(run: Pass, lines: Matrix, functional: Vector) -> None:
+    """The columns of chunks, and the functional, back into a pass."""
+    chunks, (size, width) = len(lines), run.block.shape
+    run.block[:] = lines.reshape(chunks, size, LANES).swapaxes(0, 1).reshape(size, chunks * LANES)[:, :width]
+    run.functional[:] = functional[: 1 + width]
