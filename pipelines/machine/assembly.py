@@ -54,7 +54,7 @@ class Machine:
 
     @property
     def rotor_freedoms(self) -> int:
-        """Freedoms of the master nodes: x and y of each, and its slopes where they are kept."""
+        """Number of freedoms of the master nodes: x and y of each, and its slopes where they are kept."""
         return int(self.layout[rates.ROTOR_SIZE])
 
     def film_unknowns(self, bearing: int) -> slice:
@@ -63,7 +63,7 @@ class Machine:
         return slice(start, start + self.bearings[bearing].settings.unknowns)
 
     def pressures(self, state: Array, bearing: int) -> Array:
-        """The pressures of a bearing's film among the last dimension of ``state``."""
+        """The pressures of a bearing's film, from states along the last dimension of ``state``."""
         start, settings = self.film_unknowns(bearing).start, self.bearings[bearing].settings
         return state[..., start : start + settings.nodes * settings.axial]
 
@@ -75,8 +75,10 @@ class Machine:
         return np.asarray(own / self.scales.bearings[bearing].clearance_ratio)
 
     def masters(self, state: Array) -> Array:
-        """Displacements x, y of the master nodes, in units of the machine's displacement scale c, and slopes
-        where they are kept, in units of c/L of the first bearing.
+        """Displacements x, y of the master nodes, and their slopes where they are kept.
+
+        Displacements are in units of the machine's displacement scale c, slopes in units of c/L, with the
+        length L of the first bearing.
         """
         return state[..., self.rotor_start : self.rotor_start + self.rotor_freedoms]
 
@@ -177,8 +179,9 @@ def parameter_vector(case: Case) -> Array:
 
 
 def with_stand_ins(parameters: Sequence[float | None]) -> Array:
-    """Parameters as the equations take them: 1 stands for one that the machine does not have (NaN or None),
-    and has no effect.
+    """Parameters with 1 in the place of those that the machine does not have (NaN or None).
+
+    The equations do not depend on the value that replaces a missing parameter.
     """
     values = np.array(parameters, dtype=float)
     return np.where(np.isnan(values), 1.0, values)
