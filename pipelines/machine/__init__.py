@@ -6,6 +6,7 @@
 - axial, film, film_force: the gas film of one bearing and its force
 - lanes, plain_lanes, vector_lanes: sums over columns side by side, in vector registers where possible
 - ring, bearing, regrid: the active ring; a bearing with its unknowns; a state on another grid
+- sparse_pattern: sparse matrices with fixed places
 - kernels, rates, shifted, extremes: the compiled machine: signatures, rates and Jacobian action, implicit
   steps, extremes of the films
 - assembly: the machine of a case
