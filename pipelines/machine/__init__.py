@@ -8,6 +8,7 @@ Numbered equations, such as Eq. 1, are those of the paper whose model this is (s
 - axial, film, film_force: the gas film of one bearing and its force
 - lanes, plain_lanes, vector_lanes: sums over columns side by side, in vector registers where possible
 - ring, bearing, regrid: the active ring; a bearing with its unknowns; a state on another grid
+- sparse_pattern: sparse matrices whose entries change and whose places do not
 - kernels, rates, shifted, extremes: the compiled machine: signatures, rates and Jacobian action, linear
   systems of implicit steps, extremes of the films
 - assembly: the machine of a case
