@@ -433,7 +433,10 @@ def _closing_workspace(work):
 
 @kernel(FACTORISE)
 def machine_factorise(phase, state, parameters, shift, constants, layout, work, factors):
-    """Fill ``factors`` of I - shift J(phase, state) for ``machine_solve``; zeros before the first call."""
+    """Fill ``factors`` of I - shift J(phase, state) for ``machine_solve``.
+
+    They must be zeros before the first call.
+    """
     size, offset = layout[ROTOR_SIZE], 0
     response, matrix, scratch = _closing_workspace(work)
     for bearing in range(BEARINGS):
