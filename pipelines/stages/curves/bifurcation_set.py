@@ -55,24 +55,24 @@ class Line:
 
 
 def bifurcation_set(
-    case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+    named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
 ) -> StageResult:
     """Fill ``cycles/s000``, ..., ``pd``, ``ns``, ``folds`` and ``bifurcation_set`` of a case.
 
     An interrupted search resumes after the last stored point.
     """
-    job = Job.of("bifurcation-set", case, store_path, report, should_stop)
-    if (reason := nothing_to_search(case.case)) is not None:
-        return StageResult(case.case_id, True, reason)
+    job = Job.of("bifurcation-set", named, store_path, report, should_stop)
+    if (reason := nothing_to_search(named.case)) is not None:
+        return StageResult(named.case_id, True, reason)
     lowest = lowest_speed(job)
     if lowest is None:
         return StageResult(
-            case.case_id, False, f"no equilibrium of the plane leaves a film of "
-            f"{case.case.bifurcation_set.smallest_film:g} of the clearance",
+            named.case_id, False, f"no equilibrium of the plane leaves a film of "
+            f"{named.case.bifurcation_set.smallest_film:g} of the clearance",
             "raise the upper end of track_curves.ranges, or lower bifurcation_set.smallest_film",
         )  # fmt: skip
-    search = case.case.bifurcation_set
-    queue = StartQueue(job, _kinds(case.case), search.boundaries)
+    search = named.case.bifurcation_set
+    queue = StartQueue(job, _kinds(named.case), search.boundaries)
     lines: list[Line] = []
     trace_all(queue)
     complete = False

@@ -60,21 +60,21 @@ COMPLETE = frozenset(
 )
 
 
-def track_pd(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+def track_pd(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill the groups ``pd/c000``, ... of a case; resumes after the last stored point."""
-    job = Job.of("track-pd", case, store_path, report, should_stop)
+    job = Job.of("track-pd", named, store_path, report, should_stop)
     return _track(job, EventKind.PERIOD_DOUBLING)
 
 
-def track_ns(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+def track_ns(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill the groups ``ns/c000``, ... of a case; resumes after the last stored point."""
-    job = Job.of("track-ns", case, store_path, report, should_stop)
+    job = Job.of("track-ns", named, store_path, report, should_stop)
     return _track(job, EventKind.NEIMARK_SACKER)
 
 
-def track_folds(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+def track_folds(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill the groups ``folds/c000``, ... of a case; resumes after the last stored point."""
-    job = Job.of("track-folds", case, store_path, report, should_stop)
+    job = Job.of("track-folds", named, store_path, report, should_stop)
     return _track(job, EventKind.FOLD)
 
 
