@@ -290,12 +290,14 @@ class SegmentPoints:
 
     def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
         if fraction not in self._corrected:
+            for other, (history, found, near) in self._corrected.items():  # of the last point they are enough
+                self._corrected[other] = history, found.without_factors(), near
             anchor = min(self._anchors, key=lambda known: abs(known.fraction - fraction))
             correction = self.segment.correct_at(fraction, anchor)
             point = correction.point
             if point is None:
                 raise NotConvergedError
-            self._corrected[fraction] = correction, point, anchor
+            self._corrected[fraction] = replace(correction, point=None), point, anchor
             bordering = next_bordering(point.basis, point.critical)
             self._anchors.append(Anchor(fraction, point.position, point.basis, bordering, point.gradient))
         return self._corrected[fraction]
