@@ -1,4 +1,4 @@
-"""Where a bifurcation of multiplied cycles is compared with stored curves: at each of its excitation periods."""
+"""Bifurcations of multiplied cycles, which are compared with stored curves at each excitation period."""
 
 from __future__ import annotations
 
