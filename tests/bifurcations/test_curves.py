@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import weakref
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,8 @@ from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop, Sp
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import joined_curve
+from pipelines.orbits import period_map
+from pipelines.orbits.integration.passes import implicit_pass
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import ShootingOptions
 from pipelines.orbits.steppers import DOPRI8, ESDIRK5
@@ -231,6 +234,34 @@ def test_points_hold_no_factors() -> None:
     run = trace(replace(problem, period_map=stiff), begin, CurveOptions(((-1, 1), (-1, 1)), max_points=2))
     assert len(run.points) == 2
     assert [point.cycle.image.factors for point in run.points] == [None, None]
+
+
+@BOTH
+def test_few_orbits_have_their_factors_at_a_time(
+    formulation: CurveFormulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also while special points are located, on many corrected points of one step."""
+    made: list[weakref.ref[np.ndarray]] = []
+    present = 0
+
+    def counted(*arguments):  # type: ignore[no-untyped-def]
+        nonlocal present
+        finished, factors = implicit_pass(*arguments)
+        if factors is not None:
+            made.append(weakref.ref(factors))
+            present = max(present, sum(each() is not None for each in made))
+        return finished, factors
+
+    monkeypatch.setattr(period_map, "implicit_pass", counted)
+    e, n = -0.1, -0.5
+    problem = polar_problem(NS, ("omega", "delta"), (e**3 - n * e, n, 0, 0, 0.4))
+    stiff = replace(problem.period_map, system=implicit(polar_cycles()), stepper=ESDIRK5)
+    problem = replace(problem, period_map=stiff, formulation=formulation)
+    begin = start([math.sqrt(1 + e), 0, 0, 0], (0.35, 0.0), period=2 * math.pi / (1 + 0.4 * e))
+    options = CurveOptions(((0.3, 0.4), (-1.0, 1.0)), direction=-1)
+    assert kinds(trace(problem, begin, options)) == [SpecialKind.R3]
+    assert len(made) > 10
+    assert present <= 2
 
 
 @BOTH

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipelines.bifurcations.critical.critical_cycles import Critical
 from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation
@@ -40,6 +40,11 @@ class CriticalCycle:
     linear: ManifoldLinearisation
     critical: Critical
     gradient: Position
+
+    def without_factors(self) -> CriticalCycle:
+        """The same point, free of what only further columns need."""
+        image = self.linear.image.without_factors()
+        return replace(self, linear=replace(self.linear, image=image))
 
     @property
     def position(self) -> Position:

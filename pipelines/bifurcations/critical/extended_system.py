@@ -54,22 +54,20 @@ def correct_extended(
 ) -> CurveCorrection:
     """Newton's method for position, critical vectors and angle together, from the bordered solution."""
     history, kind = History(), at.problem.kind
-    opening = critical_pass(at, basis, vectors_of(bordering, kind))
-    if opening is None:
+    passed = critical_pass(at, basis, vectors_of(bordering, kind))
+    if passed is None:
         return history.ended(NewtonStop.NON_FINITE)
-    critical = critical_of(opening, bordering)
+    critical = critical_of(passed, bordering)
     if critical is None:
         return history.ended(NewtonStop.SINGULAR)
     vectors, angle = _first_vectors(critical)
-    reference, passed = vectors, opening
+    reference, passed = vectors, _mapped(passed, vectors)
+    warm: PicardColumns | None = None
     for iteration in range(at.problem.options.iterations + 1):
-        if iteration == 0:
-            passed = _mapped(opening, vectors)
-        else:
-            following_pass = critical_pass(at, basis, Vectors(vectors), passed.linear.picard)
-            if following_pass is None:
+        if iteration > 0:
+            passed = critical_pass(at, basis, Vectors(vectors), warm)
+            if passed is None:
                 return history.ended(NewtonStop.NON_FINITE)
-            passed = following_pass
         linear = passed.linear
         defect = passed.defect + vectors @ (passed.matrix - _rotation(kind, angle)[0])
         size = float(np.max(np.abs(defect)) / np.max(np.abs(vectors)))
@@ -91,7 +89,8 @@ def correct_extended(
             return history.ended(NewtonStop.SINGULAR)
         at = at.beside(step.correction.plus(step.across, update.beta), 1.0)
         vectors, angle = vectors + update.vectors, angle + update.angle
-        basis = following(basis, linear.image.columns)
+        basis, warm = following(basis, linear.image.columns), linear.picard
+        del passed, linear  # free the factors before the next pass makes its own
     return history.given_up(NewtonStop.ITERATIONS, at)
 
 

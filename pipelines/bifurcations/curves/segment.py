@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -70,16 +71,52 @@ def curve_end(
     """Tangents, spectrum, tests and normal form at a corrected point; None when its tangent is singular.
 
     ``sense``: a direction that the tangent must not oppose; ``bordering``: the one it was corrected with;
-    ``precise``: multipliers and left vectors as sharp as the options ask, to locate special points.  With
-    slopes g_1, g_2 of the test function along the tangents t_1, t_2 of the surface, the curve runs along
-    g_2 t_1 - g_1 t_2.
+    ``precise``: multipliers and left vectors as sharp as the options ask, to locate special points.
     """
     sharp = found.linear.at.problem.options.multiplier_tolerance
     found = with_converged_multipliers(found, bordering, sharp if precise else max(sharp, _RECORDED))
     left = _SHARP_LEFT if precise else _RECORDED_LEFT
     if precise or options is not None:
         found = replace(found, critical=with_sharp_left(found.linear, found.critical, left))
-    linear, critical = found.linear, found.critical
+    directions = _directions(found, constraint, sense)
+    if directions is None:
+        return None
+    tangent, normal, gradient, cos_theta_slope = directions
+    linear, metric = found.linear, constraint.metric
+    bordering = next_bordering(linear.basis, found.critical)
+    form: NormalForm | None = None
+    if options is not None:
+        plane = metric.row(tangent)
+        across = CurveConstraint(plane, plane.dot(found.position), metric.row(normal), gradient, metric)
+        form = smoothed_normal_form(found, bordering, across, options)
+    point = _point(correction, found, form)
+    tests = special_tests(
+        linear.at.problem.kind,
+        point.cycle.spectrum.multipliers,
+        found.critical,
+        point.normal_form,
+        _fold_curvature(found, metric),
+        linear.scale,
+        linear.at.problem.period_map.autonomous,
+    )
+    return CurveEnd(point, found.position, tangent, normal, gradient, bordering, tests, cos_theta_slope)
+
+
+class _Directions(NamedTuple):
+    """Along and across a curve at a corrected point, as in ``CurveEnd``."""
+
+    tangent: Position
+    normal: Position
+    gradient: Position
+    cos_theta_slope: float
+
+
+def _directions(found: CriticalCycle, constraint: CurveConstraint, sense: Position) -> _Directions | None:
+    """The directions at a corrected point; None when its tangent is singular.
+
+    With slopes g_1, g_2 of the test function along the tangents t_1, t_2 of the surface, the curve runs along
+    g_2 t_1 - g_1 t_2.
+    """
     slopes = _surface_slopes(found, constraint)
     if slopes is None:
         return None
@@ -94,32 +131,7 @@ def curve_end(
     normal = first.scaled(g1 / size).plus(second, g2 / size)
     gradient = found.gradient.plus(metric.row(tangent), -found.gradient.dot(tangent))
     gradient = gradient.plus(metric.row(normal), size - gradient.dot(normal))
-    bordering = next_bordering(linear.basis, critical)
-    form: NormalForm | None = None
-    if options is not None:
-        plane = metric.row(tangent)
-        across = CurveConstraint(plane, plane.dot(found.position), metric.row(normal), gradient, metric)
-        form = smoothed_normal_form(found, bordering, across, options)
-    point = _point(correction, found, form)
-    tests = special_tests(
-        linear.at.problem.kind,
-        point.cycle.spectrum.multipliers,
-        critical,
-        point.normal_form,
-        _fold_curvature(found, metric),
-        linear.scale,
-        linear.at.problem.period_map.autonomous,
-    )
-    return CurveEnd(
-        point,
-        found.position,
-        tangent,
-        normal,
-        gradient,
-        bordering,
-        tests,
-        cos_theta_slope=0.5 * turned * (g2 * trace1 - g1 * trace2) / size,
-    )
+    return _Directions(tangent, normal, gradient, 0.5 * turned * (g2 * trace1 - g1 * trace2) / size)
 
 
 Pair = tuple[float, float]
@@ -290,12 +302,14 @@ class SegmentPoints:
 
     def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
         if fraction not in self._corrected:
+            for other, (history, found, near) in self._corrected.items():  # of the last point they are enough
+                self._corrected[other] = history, found.without_factors(), near
             anchor = min(self._anchors, key=lambda known: abs(known.fraction - fraction))
             correction = self.segment.correct_at(fraction, anchor)
             point = correction.point
             if point is None:
                 raise NotConvergedError
-            self._corrected[fraction] = correction, point, anchor
+            self._corrected[fraction] = replace(correction, point=None), point, anchor
             bordering = next_bordering(point.basis, point.critical)
             self._anchors.append(Anchor(fraction, point.position, point.basis, bordering, point.gradient))
         return self._corrected[fraction]

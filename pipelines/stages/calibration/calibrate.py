@@ -33,7 +33,7 @@ GROUP = "calibration"
 CONVERGED = "converged"
 OTHER_ONSET = "another onset lies below"
 FAILED_TARGETS = "some targets cannot be computed"
-OUT_OF_EVALUATIONS = "the allowed number of machines has been computed"
+OUT_OF_EVALUATIONS = "the allowed number of machines is computed"  # also in earlier stores
 ADVICE = {
     CONVERGED: "",
     OTHER_ONSET: "the found machine loses stability below the onset that was followed: "

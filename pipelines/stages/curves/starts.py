@@ -221,7 +221,8 @@ def _samplings(start: Start) -> Iterator[CurveStart]:
     parameters[list(start.problem.indices)] = start.guess.parameters
     period = start.guess.period
     steps = period_map.minimum_steps if period_map.steps_per_period is None else period_map.steps_per_period
-    orbit = period_map.evaluate(start.guess.state, parameters, period, 4 * steps).orbit
+    steps = period_map.rounded_steps(4 * steps)
+    orbit = period_map.evaluate(start.guess.state, parameters, period, steps).orbit
     for turn in range(1, start.turns):
         yield replace(start.guess, state=orbit[turn * len(orbit) // start.turns])
 
