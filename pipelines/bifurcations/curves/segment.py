@@ -302,8 +302,10 @@ class SegmentPoints:
 
     def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
         if fraction not in self._corrected:
-            for other, (history, found, near) in self._corrected.items():  # of the last point they are enough
-                self._corrected[other] = history, found.without_factors(), near
+            self._corrected = {  # free the factors of the last point before the next one makes its own
+                known: (history, point.without_factors(), anchor)
+                for known, (history, point, anchor) in self._corrected.items()
+            }
             anchor = min(self._anchors, key=lambda known: abs(known.fraction - fraction))
             correction = self.segment.correct_at(fraction, anchor)
             point = correction.point
