@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -317,6 +318,19 @@ class SegmentPoints:
         return self._corrected[fraction]
 
 
+def root(function: Callable[[float], float], low: float, high: float, width: float) -> float:
+    """A zero of a function of the fraction that changes sign between ``low`` and ``high``.
+
+    scipy's own reference to a function lasts until the garbage collector comes, and with it the points that
+    the function holds: here it is cleared.
+    """
+    held = [function]
+    try:
+        return float(brentq(lambda fraction: held[0](fraction), low, high, xtol=width))
+    finally:
+        held.clear()
+
+
 def _from_pair(points: SegmentPoints, special: SpecialKind) -> bool:
     """Whether the test is a function of cos theta, which is sharp on every corrected point."""
     return points.segment.problem.kind is EventKind.NEIMARK_SACKER and special <= SpecialKind.R4
@@ -363,11 +377,9 @@ def locate_special(
         return value
 
     try:
-        tolerance = 4.0 * np.finfo(float).eps
         if from_pair and special <= SpecialKind.R2:
             width = min(width, _END_WIDTH)
-        width = max(width / segment.length, 1e-14)
-        fraction = float(brentq(test, *bracket.fractions, xtol=width, rtol=tolerance))
+        fraction = root(test, *bracket.fractions, max(width / segment.length, 1e-14))
         end = segment.end if fraction == 1.0 else points.end(fraction, with_form, not from_pair)
     except NotConvergedError:
         return None
