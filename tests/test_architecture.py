@@ -44,8 +44,8 @@ CONFINED = {
 # Modules and subpackages of a layer from bottom to top: each imports only what stands before it.
 ORDER = {
     "orbits": (
-        "system", "vectors", "steppers", "integration", "period_map", "compiled", "floquet", "shooting",
-        "time_steps", "hopf_start", "machine_cycles", "equilibria", "time_runs",
+        "system", "solving", "vectors", "steppers", "integration", "period_map", "compiled", "floquet",
+        "shooting", "time_steps", "hopf_start", "machine_cycles", "equilibria", "time_runs",
     ),
     "bifurcations": (
         "continuation", "acceptance", "cycles", "detection", "location", "branch", "arclength", "plane",

@@ -1,12 +1,15 @@
 """The machine in dimensionless form: rotor, films and rings, compiled, with their derivatives.
 
+Numbered equations, such as Eq. 1, are those of the paper whose model this is (see ``CITATION.cff``).
+
 - shaft, condensation, condensation_check, condensation_error: finite-element rotor, its condensation, and
-  how far that is off
+  the error of the condensation
 - rotor_modes, unbalance: linear vibrations of the rotor; the force of its unbalance
 - axial, film, film_force: the gas film of one bearing and its force
 - lanes, plain_lanes, vector_lanes: sums over columns side by side, in vector registers where possible
 - ring, bearing, regrid: the active ring; a bearing with its unknowns; a state on another grid
-- kernels, rates, shifted, extremes: the compiled machine: signatures, rates and Jacobian action, implicit
-  steps, extremes of the films
+- sparse_pattern: sparse matrices whose entries change and whose places do not
+- kernels, rates, shifted, extremes: the compiled machine: signatures, rates and Jacobian action, linear
+  systems of implicit steps, extremes of the films
 - assembly: the machine of a case
 """

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,19 @@ from pipelines.case.ring_statics import THIN_RING, ring_coefficients
 from pipelines.case.scales import Scales
 
 from . import film, rates, shifted
-from .bearing import Array, Bearing, FilmSettings, FilmState, film_state, linearise_bearing, pack_bearing
+from .bearing import (
+    Array,
+    Bearing,
+    FilmSettings,
+    FilmState,
+    film_pattern,
+    film_state,
+    linearise_bearing,
+    pack_bearing,
+)
 from .condensation import CondensedRotor, StateSpace, condense, state_space
 from .shaft import RotorMatrices, assemble_rotor
+from .sparse_pattern import Places, SparsePattern, grid
 
 
 @dataclass(frozen=True)
@@ -54,7 +65,7 @@ class Machine:
 
     @property
     def rotor_freedoms(self) -> int:
-        """Freedoms of the master nodes: x and y of each, and its slopes where they are kept."""
+        """Number of freedoms of the master nodes: x and y of each, and its slopes where they are kept."""
         return int(self.layout[rates.ROTOR_SIZE])
 
     def film_unknowns(self, bearing: int) -> slice:
@@ -63,7 +74,7 @@ class Machine:
         return slice(start, start + self.bearings[bearing].settings.unknowns)
 
     def pressures(self, state: Array, bearing: int) -> Array:
-        """The pressures of a bearing's film among the last dimension of ``state``."""
+        """The pressures of a bearing's film, from states along the last dimension of ``state``."""
         start, settings = self.film_unknowns(bearing).start, self.bearings[bearing].settings
         return state[..., start : start + settings.nodes * settings.axial]
 
@@ -75,8 +86,10 @@ class Machine:
         return np.asarray(own / self.scales.bearings[bearing].clearance_ratio)
 
     def masters(self, state: Array) -> Array:
-        """Displacements x, y of the master nodes, in units of the machine's displacement scale c, and slopes
-        where they are kept, in units of c/L of the first bearing.
+        """Displacements x, y of the master nodes, and their slopes where they are kept.
+
+        Displacements are in units of the machine's displacement scale c, slopes in units of c/L, with the
+        length L of the first bearing.
         """
         return state[..., self.rotor_start : self.rotor_start + self.rotor_freedoms]
 
@@ -111,24 +124,51 @@ class Machine:
         [  0   A_2   B_2 X_2 + D_2 V_2 ]        X_b, V_b pick the journal's displacement and velocity from y,
         [ E_1 C_1  E_2 C_2   rotor     ]        E_b spreads its force over the rotor's accelerations
         """
-        size, position = self.space.constant.shape[0], self.rotor_freedoms
-        rotor = self.space.constant + parameters[film.SPEED] * self.space.per_speed
-        blocks: list[list[sparse.sparray | Array | None]] = [[None] * 3 for _ in range(3)]
-        blocks[2][2] = sparse.csr_array(rotor)
+        entries: list[Array] = []
         for b, bearing in enumerate(self.bearings):
             own = self.scales.bearings[b]
             linear = linearise_bearing(
                 bearing, state[self.film_unknowns(b)], self.journal(state, b), phase, parameters
             )
-            dof = self.journal_freedoms[b]
-            coupling = np.zeros((bearing.settings.unknowns, size))
-            coupling[:, dof : dof + 2] = linear.position / own.clearance_ratio
-            coupling[:, position + dof : position + dof + 2] = linear.velocity / own.clearance_ratio
-            influence = own.force_ratio * self.space.force_input[:, dof : dof + 2]
-            blocks[b][b] = linear.unknowns
-            blocks[b][2] = sparse.csr_array(coupling)
-            blocks[2][b] = sparse.csr_array(influence @ linear.force)
-        return sparse.block_array(blocks).tocsc()
+            pressures, influence = _pressures(bearing.settings), self._influence(b)
+            coupling = np.hstack([linear.position, linear.velocity])[pressures] / own.clearance_ratio
+            force = influence[influence.any(axis=1)] @ linear.force[:, pressures]
+            entries += [*linear.entries, coupling.ravel(), force.ravel()]
+        rotor = self.space.constant + parameters[film.SPEED] * self.space.per_speed
+        return self.pattern.matrix([*entries, rotor[self._rotor_places()]])
+
+    @cached_property
+    def pattern(self) -> SparsePattern:
+        """Where the Jacobian has entries, in the order in which `jacobian` computes them."""
+        places = []
+        for b, bearing in enumerate(self.bearings):
+            settings, first = bearing.settings, self.film_unknowns(b).start
+            films = film_pattern(settings.nodes, settings.axial, settings.periodic)
+            pressures = first + np.arange(_pressures(settings).stop)
+            dof = self.rotor_start + self.journal_freedoms[b]
+            journal = dof + np.array([0, 1, self.rotor_freedoms, self.rotor_freedoms + 1])
+            driven = self.rotor_start + np.flatnonzero(self._influence(b).any(axis=1))
+            rows, columns = films.places
+            places += [(first + rows, first + columns), grid(pressures, journal), grid(driven, pressures)]
+        rows, columns = self._rotor_places()
+        return SparsePattern.of(self.size, [*places, (self.rotor_start + rows, self.rotor_start + columns)])
+
+    def _influence(self, bearing: int) -> Array:
+        """E of a bearing: the rotor's rates per unit of the bearing's force, (2 freedoms, 2)."""
+        dof = self.journal_freedoms[bearing]
+        return np.asarray(
+            self.scales.bearings[bearing].force_ratio * self.space.force_input[:, dof : dof + 2]
+        )
+
+    def _rotor_places(self) -> Places:
+        """Where the rotor's own matrix has entries at some speed."""
+        rows, columns = np.nonzero((self.space.constant != 0.0) | (self.space.per_speed != 0.0))
+        return rows, columns
+
+
+def _pressures(settings: FilmSettings) -> slice:
+    """The pressures among a bearing's unknowns."""
+    return slice(0, settings.nodes * settings.axial)
 
 
 def film_settings(case: Case, index: int) -> FilmSettings:
@@ -177,8 +217,9 @@ def parameter_vector(case: Case) -> Array:
 
 
 def with_stand_ins(parameters: Sequence[float | None]) -> Array:
-    """Parameters as the equations take them: 1 stands for one that the machine does not have (NaN or None),
-    and has no effect.
+    """Parameters with 1 in the place of those that the machine does not have (NaN or None).
+
+    The equations do not depend on the value that replaces a missing parameter.
     """
     values = np.array(parameters, dtype=float)
     return np.where(np.isnan(values), 1.0, values)

@@ -17,8 +17,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class AxialOperator:
-    """d^2 u / dz^2 = ``second_derivative @ u + side * u_side``, mean u = ``weights @ u + side_weight *
-    u_side``.
+    """Second axial derivative and axial mean of a function u known at the stations and at the side.
+
+    d^2 u / dz^2 = ``second_derivative @ u + side * u_side``,  mean u = ``weights @ u + side_weight * u_side``
     """
 
     stations: Array
@@ -29,8 +30,9 @@ class AxialOperator:
 
 
 def chebyshev_operator(count: int) -> AxialOperator:
-    """Chebyshev collocation with even polynomials of degree 2 ``count`` on the whole film (spectral
-    accuracy).
+    """Chebyshev collocation with even polynomials of degree 2 ``count`` on the whole film.
+
+    Its accuracy is spectral.
     """
     degree = 2 * count
     index = np.arange(degree + 1)
@@ -53,7 +55,7 @@ def chebyshev_operator(count: int) -> AxialOperator:
 
 
 def _fold(rows: Array, count: int) -> Array:
-    """Rows acting on the whole film, applied to a film that is symmetric about its middle."""
+    """Turn rows that act on the whole film into rows that act on half of a symmetric film."""
     folded = rows[:, : count + 1].copy()
     folded[:, :count] += rows[:, :count:-1]
     return folded

@@ -10,6 +10,7 @@ with the journal position X in units of the bearing's clearance.  Linearised,
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from scipy import sparse
 from . import film
 from .axial import chebyshev_operator, uniform_operator
 from .film_force import FORCE_SCRATCH, film_force
+from .sparse_pattern import SparsePattern
 
 Array = NDArray[np.float64]
 
@@ -153,12 +155,22 @@ def _at_origin(bearing: Bearing) -> Bearing:
 
 @dataclass(frozen=True)
 class BearingLinearisation:
-    """A, B, D and C of the module's docstring: (u, u) sparse, (u, 2), (u, 2) and (2, u)."""
+    """A, B, D and C of the module's docstring.
 
-    unknowns: sparse.csr_array
+    ``entries``: those of A (u, u) at the places of ``film_pattern``.
+    ``position``, ``velocity`` (u, 2) and ``force`` (2, u): B, D and C, zero where they belong to the foil.
+    """
+
+    pattern: SparsePattern
+    entries: list[Array]
     position: Array
     velocity: Array
     force: Array
+
+    @property
+    def unknowns(self) -> sparse.csc_array:
+        """A (u, u)."""
+        return self.pattern.matrix(self.entries)
 
 
 def linearise_bearing(
@@ -187,43 +199,56 @@ def linearise_bearing(
     foil = np.zeros((nodes, 2))  # its rate depends on the journal through the pressure only
     coefficients = film.foil_coefficients(parameters, local.integers, local.scalars)
     return BearingLinearisation(
-        unknowns=_unknowns_matrix(terms, settings, local.mean_weights, *coefficients),
+        pattern=film_pattern(nodes, stations, settings.periodic),
+        entries=_film_entries(terms, settings, local.mean_weights, *coefficients),
         position=np.vstack([position, foil]),
         velocity=np.vstack([terms[film.THICKNESS_RATE][:, None] * trig[i + 1], foil]),
         force=np.hstack([gradient, foil.T]),
     )
 
 
-def _unknowns_matrix(
-    terms: Array, settings: FilmSettings, mean_weights: Array, flexibility: float, relaxation: float
-) -> sparse.csr_array:
-    """A: film rows from ``terms``, with dh/dtau = dq/dtau of the foil put in, then the foil rows (Eq. 8).
+@cache
+def film_pattern(nodes: int, stations: int, periodic: bool) -> SparsePattern:
+    """Where A has entries: the film's rows, then the foil's, in the order of ``_film_entries``."""
+    rows = np.arange(nodes * stations)
+    i, first, foil, own = rows % nodes, rows - rows % nodes, nodes * stations, np.arange(nodes)
+    before, after = (i - 1) % nodes, (i + 1) % nodes
+    left, right = _with_neighbours(nodes, stations, periodic)
+    film_rows = [
+        (left, (first + before)[left]),
+        (right, (first + after)[right]),
+        (left, (foil + before)[left]),
+        (rows, foil + i),
+        (right, (foil + after)[right]),
+        *((rows, station * nodes + i) for station in range(stations)),
+    ]
+    foil_rows = [(foil + own, block * nodes + own) for block in range(stations + 1)]
+    return SparsePattern.of(nodes * (stations + 1), [*film_rows, *foil_rows])
 
-    d(dq/dtau)_i = flexibility sum_l weights_l dp_{i,l} - relaxation dq_i
+
+def _with_neighbours(nodes: int, stations: int, periodic: bool) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The film's rows with a node before and those with a node after; the foil's edge has no unknowns."""
+    rows = np.arange(nodes * stations)
+    i = rows % nodes
+    return (rows, rows) if periodic else (rows[i > 0], rows[i < nodes - 1])
+
+
+def _film_entries(
+    terms: Array, settings: FilmSettings, mean_weights: Array, flexibility: float, relaxation: float
+) -> list[Array]:
+    """The entries of A: film rows from ``terms`` with dh/dtau = dq/dtau of the foil put in, and foil rows.
+
+    d(dq/dtau)_i = flexibility sum_l weights_l dp_{i,l} - relaxation dq_i (Eq. 8)
     """
     nodes, stations = settings.nodes, settings.axial
-    rows = np.arange(nodes * stations)
-    i, first, foil = rows % nodes, rows - rows % nodes, nodes * stations
-    before, after = (i - 1) % nodes, (i + 1) % nodes
-    # the neighbour of the first and last node is the foil's edge: no unknown
-    left, right = (rows, rows) if settings.periodic else (rows[i > 0], rows[i < nodes - 1])
-    by_rate = terms[film.THICKNESS_RATE]
-    entries = [
-        (left, first + before, terms[film.BEFORE]),
-        (right, first + after, terms[film.AFTER]),
-        (left, foil + before, terms[film.THICKNESS_BEFORE]),
-        (rows, foil + i, terms[film.THICKNESS_HERE] - relaxation * by_rate),
-        (right, foil + after, terms[film.THICKNESS_AFTER]),
+    left, right = _with_neighbours(nodes, stations, settings.periodic)
+    by_rate, weights = terms[film.THICKNESS_RATE], flexibility * mean_weights
+    return [
+        terms[film.BEFORE][left],
+        terms[film.AFTER][right],
+        terms[film.THICKNESS_BEFORE][left],
+        terms[film.THICKNESS_HERE] - relaxation * by_rate,
+        terms[film.THICKNESS_AFTER][right],
+        *(terms[film.HERE + station] + weight * by_rate for station, weight in enumerate(weights)),
+        np.repeat([*weights, -relaxation], nodes),
     ]
-    for station, weight in enumerate(flexibility * mean_weights):
-        entries.append((rows, station * nodes + i, terms[film.HERE + station] + weight * by_rate))
-    row = [chosen for chosen, _, _ in entries]
-    column = [target[chosen] for chosen, target, _ in entries]
-    value = [values[chosen] for chosen, _, values in entries]
-    own = np.arange(nodes)
-    for block, weight in enumerate([*(flexibility * mean_weights), -relaxation]):
-        row.append(foil + own)
-        column.append(block * nodes + own)
-        value.append(np.full(nodes, weight))
-    places = (np.concatenate(row), np.concatenate(column))
-    return sparse.coo_array((np.concatenate(value), places), shape=(settings.unknowns,) * 2).tocsr()

@@ -5,9 +5,9 @@ slopes) and slaves s (everything else), the slaves follow the masters as in stat
 
     x = T x_m,   T = [I; -K_ss^-1 K_sm]   (rows in the order of the full freedoms)
 
-and the condensed matrices of Eq. 11 are T' A T for A = M, C, G, K; the gravity load is T' F. Slaves have no
-inertia of their own: a wheel at an overhung end, which tilts more than its translation makes it, keeps its
-slopes.
+and the condensed matrices of Eq. 11 are T' A T for A = M, C, G, K; the gravity load is T' F. Motions in which
+the slaves do not follow the masters statically are lost. An overhung wheel tilts independently of its
+translation: its slopes should be masters too.
 """
 
 from __future__ import annotations
@@ -23,14 +23,13 @@ from pipelines.machine.shaft import NODE_FREEDOMS, RotorMatrices
 
 FloatArray = NDArray[np.float64]
 
-# The slaves' displacements lose log10(condition) of 16 digits; four digits are the least that a static mode
-# may keep.
+# The slaves' displacements lose log10(condition) of their 16 digits; at least four must remain.
 LARGEST_SLAVE_CONDITION = 1e12
 
 
 @dataclass(frozen=True)
 class CondensedRotor:
-    """The rotor on its master nodes; matrices have shape (n, n), n freedoms x_1, y_1, [alpha_1, beta_1], ...
+    """The rotor on its master nodes, with n freedoms x_1, y_1, [alpha_1, beta_1], ..., matrices (n, n).
 
     ``freedoms`` (n,): their indices in the full freedoms. ``gyroscopic`` is to be multiplied by the rotating
     speed. ``transformation`` (4 nodes, n) gives the full displacement from that of the masters.
@@ -62,12 +61,11 @@ class CondensedRotor:
         return int(found[0])
 
     def scaled(self, time: float, displacement: float, force: float, length: float = 1.0) -> CondensedRotor:
-        """The same rotor with times in units of ``time`` [s], displacements of ``displacement`` [m], forces
-        of ``force`` [N] and lengths along the shaft of ``length`` [m].
+        """The same rotor in units of ``time`` [s], ``displacement`` [m], ``force`` [N] and ``length`` [m].
 
-        Slopes are then in units of ``displacement / length``, and moments of ``force length``. The
-        transformation gives translations in units of ``displacement``; its rotation rows are those of
-        rotations times one metre over ``displacement``. The speed is in units of 1 / ``time``.
+        ``length`` is the unit along the shaft: slopes are in units of ``displacement / length``, moments in
+        units of ``force length``, the speed in units of 1 / ``time``. The transformation gives translations
+        in units of ``displacement``, and rotations in units of ``displacement`` over one metre.
         """
         slope = np.where(is_slope(self.freedoms), 1.0 / length, 1.0)
         both, per_displacement = np.outer(slope, slope), displacement / force
@@ -85,11 +83,11 @@ class CondensedRotor:
 
 @dataclass(frozen=True)
 class StateSpace:
-    """Eq. 12: y' = (constant + Omega per_speed) y + force_input F + gravity, y = [x_1, y_1, [alpha_1,
-    beta_1], ..., velocities].
+    """First-order form of the rotor: y' = (constant + Omega per_speed) y + force_input F + gravity (Eq. 12).
 
-    ``constant`` and ``per_speed`` have shape (2 n, 2 n), ``force_input`` (2 n, n): column j is the response
-    to a unit force (or moment) on master freedom j; ``gravity`` (2 n,).
+    y = [x_1, y_1, [alpha_1, beta_1], ..., velocities]. ``constant`` and ``per_speed`` have shape (2 n, 2 n),
+    ``gravity`` (2 n,). ``force_input`` has shape (2 n, n): column j is the response to a unit force (or
+    moment) on master freedom j.
     """
 
     constant: FloatArray
@@ -99,8 +97,9 @@ class StateSpace:
 
 
 def master_freedoms(masters: Sequence[int], slopes: Collection[int] = ()) -> NDArray[np.intp]:
-    """Indices in the full freedoms of x and y of every master node, and of alpha and beta of those whose
-    slopes are kept.
+    """Indices of the master freedoms among the full ones.
+
+    These are x and y of every node in ``masters``, followed by its alpha and beta if it is in ``slopes``.
     """
     of_node = [range(NODE_FREEDOMS if node in slopes else 2) for node in masters]
     return np.array(
@@ -119,9 +118,9 @@ def static_transformation(
 ) -> FloatArray:
     """T of the module's head, shape (size, n), for a stiffness of shape (size, size).
 
-    Raises ValueError for no, repeated or unknown masters, and when K_ss is too ill conditioned: the masters
-    then do not hold the rotor (one master alone leaves it free to tilt) or the stiffnesses of its parts are
-    too far apart.
+    Raises ValueError if masters are missing, repeated or unknown, and if K_ss is too ill conditioned: then
+    the masters do not hold the rotor (one master alone leaves it free to tilt), or the stiffnesses of its
+    parts differ too much.
     """
     size = stiffness.shape[0]
     unknown = [node for node in masters if not 0 <= node < size // NODE_FREEDOMS]
@@ -155,7 +154,7 @@ def static_transformation(
 
 
 def condense(rotor: RotorMatrices, masters: Sequence[int], slopes: Collection[int] = ()) -> CondensedRotor:
-    """Condense the rotor onto its masters (Eq. 11), of which those in ``slopes`` keep their rotations too.
+    """Condense the rotor onto its masters (Eq. 11); those in ``slopes`` keep their rotations too.
 
     Raises ValueError as ``static_transformation`` does.
     """

@@ -1,4 +1,4 @@
-"""How well the condensed rotor stands for the full one: the comparison by which masters are chosen."""
+"""Modes and unbalance response of the condensed rotor beside those of the full one, to judge the masters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class ModalComparison:
-    """Modes of the full rotor, rising in frequency, beside their partners of the condensed one.
+    """Modes of the full rotor, by rising frequency, beside their partners of the condensed one.
 
     Damped frequencies [rad/s] and logarithmic decrements have shape (modes,). ``mac`` (modes, modes) compares
     full mode i with the partner of full mode j over the translations of all nodes: 1 on the diagonal for a
@@ -82,7 +82,7 @@ def compare_modes(
 
     full_shapes = translations(rotor, full.shapes)
     condensed_shapes = translations(condensed, candidates.shapes)
-    # a size of -1 is not known where no mode is lightly damped
+    # without lightly damped modes, reshape(0, -1) would fail
     flat = (s.reshape(len(s), s.shape[1] * s.shape[2]) for s in (full_shapes, condensed_shapes))
     mac = modal_assurance(*flat)
     _, partner = linear_sum_assignment(mac, maximize=True)
@@ -108,12 +108,12 @@ def compare_condensation(
     max_damping_ratio: float = 0.5,
     slopes: Collection[int] = (),
 ) -> CondensationComparison:
-    """Full against condensed rotor: modes at ``speeds[modal_index]`` and unbalance response over ``speeds``
-    [rad/s].
+    """Compare full and condensed rotor: modes at one speed, unbalance response over all speeds.
 
-    The bearings' coefficients are those of the film linearised at each speed, shape (speeds, 2, 2), or
-    constant (2, 2). ``unbalance`` [kg m] per node. Raises ValueError as ``condense`` does, or for a bearing
-    that is not on a master.
+    The modes are those at ``speeds[modal_index]``, with ``speeds`` in rad/s. The bearings' coefficients have
+    shape (speeds, 2, 2) if the film is linearised at each speed, or (2, 2) if they are constant.
+    ``unbalance`` [kg m] per node. Raises ValueError as ``condense`` does, or for a bearing that is not on a
+    master.
     """
     condensed = condense(rotor, masters, slopes)
     at_modal_speed = [bearing.at(modal_index) for bearing in bearings]

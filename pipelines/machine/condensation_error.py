@@ -1,13 +1,13 @@
-"""How far the modes of the condensed rotor are off below the highest speed, and which masters mend it.
+"""Errors of the condensed rotor's natural frequencies up to the highest speed, and masters that reduce them.
 
 Unbalance excites no frequency above the highest speed, so that up to there the condensed rotor must have the
-modes of the full one. Both turn on the same linear bearings; partners are those of like shapes. Where a mode
-is off, its slaves do not follow the masters as in statics: the freedoms that become masters are those whose
-inertia forces do the most work on what the condensation misses,
+modes of the full one. Both turn on the same linear bearings; modes with similar shapes are compared. A mode
+has an error because its slaves do not follow the masters statically. Those freedoms become masters whose
+inertia forces do the most work on the part of the mode that the condensation misses,
 
     w_i = |(phi - T phi_m)_i (M phi)_i| / (phi* M phi)
 
-of every full mode phi, weighted by the mode's error.
+summed over all full modes phi, each weighted with its error.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from pipelines.machine.shaft import NODE_FREEDOMS, RotorMatrices
 
 FloatArray = NDArray[np.float64]
 
-ALLOWED_ERROR = 0.01  # of a frequency: far below what bearing data are known to
-TRIED = 6  # choices of which the effect is computed, at each addition
+ALLOWED_ERROR = 0.01  # relative, of a frequency: far below the uncertainty of bearing data
+TRIED = 6  # candidates whose effect is computed, at each addition
 MOST_ADDITIONS = 12
 MISSING = 1.0  # error of a mode that the condensed rotor does not have
 
 
 @dataclass(frozen=True)
 class Masters:
-    """Master nodes, rising, and those of them that keep their slopes."""
+    """Master nodes in rising order, and those of them that keep their slopes."""
 
     nodes: tuple[int, ...]
     slopes: tuple[int, ...] = ()
 
     def adding(self, node: int, slopes: bool) -> Masters:
-        """With the translations of a node, and its slopes if asked for."""
+        """These masters and a node, with its slopes if ``slopes``."""
         return Masters(
             tuple(sorted({*self.nodes, node})), tuple(sorted({*self.slopes, *([node] if slopes else [])}))
         )
@@ -48,7 +48,7 @@ class Masters:
 
 @dataclass(frozen=True)
 class FullModes:
-    """The full rotor at a speed [rad/s] on its bearings there: its modes up to the highest speed."""
+    """Modes of the full rotor up to the highest speed, at a speed [rad/s] with the bearings at that speed."""
 
     speed: float
     bearings: tuple[LinearBearing, ...]
@@ -57,8 +57,10 @@ class FullModes:
 
 @dataclass(frozen=True)
 class ModeErrors:
-    """Modes of the full rotor up to the highest speed, all arrays (modes,): rotating speed [rad/s], frequency
-    [rad/s], that of the condensed rotor (NaN where it has no such mode).
+    """Frequencies of the full rotor's modes up to the highest speed, beside those of the condensed rotor.
+
+    All arrays have shape (modes,): rotating speed, frequency of the full rotor, frequency of the condensed
+    rotor (NaN where it has no such mode), in rad/s.
     """
 
     speed: FloatArray
@@ -113,8 +115,10 @@ def mode_errors(rotor: RotorMatrices, masters: Masters, references: Sequence[Ful
 def better_masters(
     rotor: RotorMatrices, masters: Masters, references: Sequence[FullModes]
 ) -> tuple[Masters, ModeErrors]:
-    """Masters with more freedoms, added one by one where they help most, until no mode is off by more than
-    ``ALLOWED_ERROR``; and their errors. The given ones where nothing helps.
+    """Add masters one by one until no mode has an error above ``ALLOWED_ERROR``.
+
+    Each addition is the one that reduces the errors most. Returns the masters, the given ones if no addition
+    helps, and the errors of the modes.
     """
     errors = mode_errors(rotor, masters, references)
     for _ in range(MOST_ADDITIONS):
@@ -132,7 +136,7 @@ def better_masters(
 
 
 def _sum(errors: ModeErrors) -> float:
-    """Sum of squares: two wheels may share the worst mode, of which one alone mends little."""
+    """Sum of squared errors: the largest error alone may not fall until two masters are added."""
     return float(np.sum(errors.relative**2))
 
 

@@ -1,4 +1,4 @@
-"""The extremes of both films at an instant, compiled: what a long run watches at every step."""
+"""Extremes of both films at an instant, compiled: a transient computes them at every step."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from .film import FOIL, NODES, PRESSURE, STATIONS, film_geometry
 from .kernels import RATES, kernel
 from .rates import BEARINGS, bearing_views, film_workspace, journal_coordinates
 
-# Observed values of bearing b lie at quantity * BEARINGS + b; largest values are kept as smallest negatives.
+# The value of bearing b lies at quantity * BEARINGS + b; largest values are negated, so that all are minima.
 FILM, LOW_PRESSURE, HIGH_PRESSURE, LOW_FOIL, HIGH_FOIL = range(5)
 OBSERVED = 5 * BEARINGS
 
 
 @kernel(RATES)
 def machine_extremes(phase, state, parameters, constants, layout, work, out):  # type: ignore[no-untyped-def]
-    """Smallest film thickness, pressure and foil displacement, largest pressure and foil displacement
-    (negative), over clearance and ambient pressure, into ``out`` (OBSERVED,).
+    """Write smallest film thickness and extremes of pressure and foil displacement into ``out`` (OBSERVED,).
+
+    Lengths are in units of the clearance, pressures in units of the ambient pressure; largest values are
+    negated.
     """
     for bearing in range(BEARINGS):
         integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)

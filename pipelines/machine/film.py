@@ -1,7 +1,7 @@
-"""The gas film of one bearing on its foil: compiled rates, their derivatives.
+"""The gas film and the foil of one bearing: compiled rates and their derivatives.
 
-With P = p^2, convection weight w (1/2 central, 1 backward) and film mobility m = t_0/t_b (1 unless the
-bearings differ):
+With pressure p, film thickness h, foil displacement q, journal position X, Y and P = p^2, convection weight w
+(1/2 central, 1 backward) and film mobility m = t_0/t_b (1 unless the bearings differ):
 
     d(p h)/dtau = 1/2 [ (Phi_{i+1/2} - Phi_{i-1/2}) / dtheta ] + 1/4 m kappa^2 h^3 d^2P/dz^2           (Eq. 1)
     Phi_{i+1/2} = 1/2 m h_{i+1/2}^3 (P_{i+1} - P_i) / dtheta - Omega (w p_i h_i + (1-w) p_{i+1} h_{i+1})
@@ -9,9 +9,12 @@ bearings differ):
     h           = 1 - X cos(theta) - Y sin(theta) + q                                                  (Eq. 3)
     dq/dtau     = dq_r/dtau + a (p_m - 1) - r (q - q_r),   a = 1/c_f,  r = k_f/c_f                     (Eq. 8)
 
-Arrays along theta carry one pad on either side, ``nodes + 2`` entries: the foil-edge line (p = 1, the foil
-unloaded) or, for a periodic film, the opposite end.  Pressures of a bearing are stored station by station:
-``p[j * nodes + i]``.  Its constants lie one after another,
+Here kappa = R / L_b, q_r is the displacement of the ring, p_m the axial mean of p, k_f and c_f are stiffness
+and damping of the foil.
+
+Padded arrays along theta have one more entry on either side, ``nodes + 2`` in all: the foil-edge line (p = 1,
+the foil unloaded) or, for a periodic film, the opposite end.  Pressures of a bearing are stored station by
+station: ``p[j * nodes + i]``.  The constants of a bearing lie one after another,
 
     | scalars      | cosine    | sine      | second_derivative   | side     | weights  |
       FILM_SCALARS   nodes + 2   nodes + 2   stations x stations   stations   stations
@@ -42,12 +45,12 @@ FILM_SCALARS = 13
 
 # The parameter vector of a case (order of pipelines.case.scales.PARAMETERS).
 SPEED, EXCITATION_FREQUENCY, DISPLACEMENT, FOIL_STIFFNESS = range(4)
-# One entry more, where the excitation is being switched: d delta/d tau. A shorter vector stands for zero.
+# A fifth entry while the excitation is being switched: d delta/d tau. Without it the rate is zero.
 DISPLACEMENT_RATE = 4
 
 
 class FilmLayout(NamedTuple):
-    """Where each of a bearing's arrays starts; the cosine does at zero."""
+    """Offsets of a bearing's arrays; the cosine starts at zero."""
 
     sine: Any
     second_derivative: Any
@@ -57,8 +60,9 @@ class FilmLayout(NamedTuple):
 
 @kernel()
 def film_layout(integers):
-    """The offsets of a bearing: views of all arrays, with their counts of references, would cost a twentieth
-    of the rates' time.
+    """Offsets of a bearing's arrays.
+
+    Views of all arrays would be reference-counted, which would take a twentieth of the rates' time.
     """
     padded, stations = integers[NODES] + 2, integers[STATIONS]
     side = 2 * padded + stations * stations
@@ -85,8 +89,9 @@ def foil_coefficients(parameters, integers, scalars):
 def film_geometry(
     phase, state, parameters, integers, scalars, arrays, journal, thickness, thickness_rate, foil_rate
 ):
-    """Fill film thickness h (padded), dh/dtau and dq/dtau (nodes); ``journal`` = X, Y, dX/dtau, dY/dtau (Eq.
-    3, 8).
+    """Fill film thickness h (padded), dh/dtau and dq/dtau (nodes) (Eq. 3, 8).
+
+    ``journal`` = X, Y, dX/dtau, dY/dtau.
     """
     nodes, stations, at = integers[NODES], integers[STATIONS], film_layout(integers)
     cosine, sine = arrays[: at.sine], arrays[at.sine : at.second_derivative]
@@ -144,8 +149,8 @@ def pad_pressure(pressure, integers, padded):
         padded[row + nodes + 1] = padded[row + 1] if periodic else 1.0
 
 
-# Rows of scratch space, ``nodes + 2`` each: 1/2 m h^3 / dtheta at the faces and its derivative by the face's
-# thickness (over the same factor P_{i+1} - P_i), the flux Phi, 1/h at the nodes, kappa^2 d^2P/dz^2 at a
+# Rows of scratch space, ``nodes + 2`` each: the conductance 1/2 m h^3 / dtheta of the faces between nodes,
+# its derivative with the thickness at either node of the face, the flux Phi, 1/h at the nodes, d^2P/dz^2 at a
 # station.
 CONDUCTANCE, CONDUCTANCE_SLOPE, FLUX, INVERSE, CURVATURE = range(5)
 FILM_SCRATCH = 5
@@ -153,7 +158,7 @@ FILM_SCRATCH = 5
 
 @kernel(error_model="numpy")
 def _fill_faces(integers, scalars, thickness, scratch):
-    """The rows of ``scratch`` that all stations share."""
+    """Fill CONDUCTANCE, CONDUCTANCE_SLOPE and INVERSE of ``scratch``, which are the same at all stations."""
     nodes = integers[NODES]
     conduction = 0.5 * scalars[MOBILITY] / scalars[SPACING]
     conductance, slope = scratch[CONDUCTANCE], scratch[CONDUCTANCE_SLOPE]
@@ -211,8 +216,8 @@ def film_rates(
             rate[i] = (rate[i] - here[i] * swell[i]) * inverse[i]
 
 
-# Derivative of dp/dtau at every row j * nodes + i, in this order: dp_{i-1,j}, dp_{i+1,j}, dh_{i-1}, dh_i,
-# dh_{i+1}, d(dh_i/dtau), then dp_{i,l} for every station l.
+# Derivatives of dp/dtau at every row j * nodes + i with, in this order: p_{i-1,j}, p_{i+1,j}, h_{i-1}, h_i,
+# h_{i+1}, dh_i/dtau, then p_{i,l} for every station l.
 BEFORE, AFTER, THICKNESS_BEFORE, THICKNESS_HERE, THICKNESS_AFTER, THICKNESS_RATE, HERE = range(7)
 
 
@@ -220,8 +225,9 @@ BEFORE, AFTER, THICKNESS_BEFORE, THICKNESS_HERE, THICKNESS_AFTER, THICKNESS_RATE
 def film_derivatives(
     padded, parameters, integers, scalars, arrays, thickness, thickness_rate, pressure_rate, terms, scratch
 ):
-    """Fill ``terms`` (6 + stations, nodes * stations): the derivative of ``film_rates``; ``pressure_rate``
-    is what that one filled.
+    """Fill ``terms`` (6 + stations, nodes * stations) with the derivatives of ``film_rates``.
+
+    ``pressure_rate`` holds the rates that ``film_rates`` has computed.
     """
     nodes, stations = integers[NODES], integers[STATIONS]
     scale, axial = 0.5 / scalars[SPACING], 0.25 * scalars[AXIAL_MOBILITY]
@@ -255,7 +261,7 @@ def film_derivatives(
         term, rate = own[THICKNESS_HERE], pressure_rate[j * nodes : (j + 1) * nodes]
         for i in range(nodes):
             term[i] = (3.0 * axial * h[i] * h[i] * curvature[i] - rate[i]) * inverse[i]
-        for i in range(nodes):  # through the faces, which both of their nodes move alike, and the convection
+        for i in range(nodes):  # flux through both faces, whose h is the mean of both nodes, and convection
             through = right_slope[i] * (p_after[i] * p_after[i] - p[i] * p[i])
             through -= left_slope[i] * (p[i] * p[i] - row[i] * row[i])
             term[i] += scale * inverse[i] * (through - (behind - before) * p[i])

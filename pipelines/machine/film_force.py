@@ -1,4 +1,4 @@
-"""The gas force on the journal, clipped below grid level, and its derivative with every pressure (Eq. 9).
+"""The gas force on the journal, clipped within grid cells, and its derivative with every pressure (Eq. 9).
 
     F = -iint (p - 1)^+ (cos, sin) dtheta dz
 
@@ -12,19 +12,20 @@ has a kink, one parabola covers 3/2 spacings and joins the spline with its slope
 over the set where u > 0, whose ends move smoothly through the grid: the force is twice continuously
 differentiable in time as long as the pressure crosses the ambient line with a slope.
 
-The regularised clipping takes r(u) for u^+, the convolution of u^+ with the kernel K(u/w)/w of fourth order,
+The regularised clipping replaces u^+ by r(u), its convolution with the fourth-order kernel K(u/w)/w,
 
     K(t) = 105/64 (1 - t^2)^2 (1 - 3 t^2),  |t| < 1;      int K = 1,  int t^2 K = 0
 
-so that r is three times continuously differentiable, equals u^+ where |u| >= w and moves integrals over a
+so that r is three times continuously differentiable, equals u^+ where |u| >= w and changes integrals over a
 smooth u by O(w^4).
 
-Where a whole cell lies on the ambient line, u = 0, the positive part has two one-sided derivatives.  Of a
-perturbation that is as often positive as negative it passes half,
+Where a whole cell lies on the ambient line, u = 0, the positive part has two one-sided derivatives.  For a
+perturbation e v and a weight w that both change sign after half a turn, the clipped integral is half of the
+unclipped one,
 
-    int (e v)^+ w = e/2 int v w + e/2 int |v| w,      int |v| w = 0 for v and w odd by half a turn
+    int (e v)^+ w = e/2 int v w + e/2 int |v| w,      int |v| w = 0
 
-so half of the unclipped derivative is the derivative there, as with r'(0) = 1/2.
+so half of the unclipped derivative is used there, in agreement with r'(0) = 1/2.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from .film import CLIPPING, FULL, GUMBEL, NODES, PERIODIC, SMOOTHING, SPACING, S
 _GAUSS_POINTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(10)[0]
 _GAUSS_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(10)[1]
 
-# A cell whose |p - 1| stays below this lies on the ambient line: what the tolerance of equilibria leaves.
+# A cell lies on the ambient line if |p - 1| stays below this: the tolerance of equilibria leaves such errors.
 AMBIENT = 1e-9
 
 # Even part of r(t width) / width, whose odd part is t/2: powers 0, 2, ..., 8 of t.
@@ -58,8 +59,9 @@ def _power_integrals(a, b):
 
 @kernel(error_model="numpy")
 def _roots_inside(c0, c1, c2, low, high):
-    """The roots q/c2 and c0/q of c0 + c1 x + c2 x^2 in rising order and cut off at the ends; without roots
-    its vertex twice.
+    """The roots of c0 + c1 x + c2 x^2 in rising order, each moved to the nearest point of [low, high].
+
+    The roots are computed as q/c2 and c0/q.  Without real roots, the vertex is returned twice.
     """
     c2 += 0.0  # not -0, which would put a root at the wrong infinity
     discriminant = c1 * c1 - 4.0 * c0 * c2
@@ -106,8 +108,11 @@ def _trigonometric(moments, spacing):
 
 @kernel(error_model="numpy")
 def clipped_integrals(c0, c1, c2, low, high, spacing):
-    """C = int u^+ cos(dtheta x) dx and S = int u^+ sin(dtheta x) dx of u = c0 + c1 x + c2 x^2, each with its
-    derivatives by c0, c1, c2; on the ambient line half of those of u.
+    """Integrals of u^+ cos(dtheta x) and u^+ sin(dtheta x) over [low, high], and their derivatives.
+
+    u = c0 + c1 x + c2 x^2.  Returns the integral C with the cosine, its derivatives with c0, c1, c2, the
+    integral S with the sine and its derivatives.  On the ambient line the derivatives are half of those
+    without clipping.
     """
     k0, k1, k2, s0, s1, s2 = _trigonometric(positive_moments(c0, c1, c2, low, high), spacing)
     cosine, sine = c0 * k0 + c1 * k1 + c2 * k2, c0 * s0 + c1 * s1 + c2 * s2
@@ -120,7 +125,7 @@ def clipped_integrals(c0, c1, c2, low, high, spacing):
 
 @kernel(error_model="numpy")
 def regularised_positive_part(u, width):
-    """r(u) and its slope."""
+    """The regularised positive part r(u) of the module's head, and its slope."""
     t = u / width
     if t >= 1.0:
         return u, 1.0
@@ -134,9 +139,9 @@ def regularised_positive_part(u, width):
 
 @kernel(error_model="numpy")
 def regularised_integrals(c0, c1, c2, low, high, spacing, width):
-    """The same for r(u) in place of u^+.
+    """The integrals and derivatives of ``clipped_integrals`` with r(u) in place of u^+.
 
-    Between the roots of u = width and u = -width r(u) is a polynomial in x, which Gauss quadrature
+    Between neighbouring roots of u = width and u = -width, r(u) is a polynomial in x, which Gauss quadrature
     integrates exactly, so that the integrals are as smooth as r.
     """
     upper_one, upper_other = _roots_inside(c0 - width, c1, c2, low, high)
@@ -170,7 +175,7 @@ def regularised_integrals(c0, c1, c2, low, high, spacing, width):
 
 @kernel(error_model="numpy")
 def cell_integrals(c0, c1, c2, low, high, integers, scalars):
-    """The integrals of a cell by the bearing's way of clipping."""
+    """The integrals of a cell, clipped or regularised as the bearing's setting says."""
     if integers[CLIPPING] == GUMBEL:
         return clipped_integrals(c0, c1, c2, low, high, scalars[SPACING])
     return regularised_integrals(c0, c1, c2, low, high, scalars[SPACING], scalars[SMOOTHING])
@@ -196,7 +201,7 @@ def _fill_coefficients(row, integers, out):
 
 @kernel(error_model="numpy")
 def _apply_coefficients(by_coefficient, scale, integers, out):
-    """Derivatives by the pressures of a row from those by P, and clear these."""
+    """Compute derivatives with the pressures of a row from those with P, and set the latter to zero."""
     nodes = integers[NODES]
     if integers[PERIODIC] == 1:
         by_coefficient[nodes] += by_coefficient[0]
@@ -212,8 +217,10 @@ def _apply_coefficients(by_coefficient, scale, integers, out):
 
 @kernel(error_model="numpy")
 def _edge_force(scratch, edge, cosine, sine, integers, scalars, wanted):
-    """int u^+ (cos, sin) over the 3/2 spacings beside a foil edge: the parabola through u = 0 that
-    continues the spline.  Its coordinate runs from -1 at the edge to 1/2, with 0 at the first node.
+    """Integral of u^+ (cos, sin) over the 3/2 spacings beside a foil edge.
+
+    u is there the parabola that is zero at the edge and continues the spline.  Its coordinate runs from -1
+    at the edge to 1/2, with 0 at the first node.
     """
     nodes = integers[NODES]
     node, other, turn = (1, 2, 1.0) if edge == 0 else (nodes, nodes - 1, -1.0)
@@ -233,7 +240,7 @@ def _edge_force(scratch, edge, cosine, sine, integers, scalars, wanted):
 
 @kernel(error_model="numpy")
 def _cut_force(scratch, k, cosine, sine, integers, scalars, wanted):
-    """int u^+ (cos, sin) over the spacing around node k, where u may change its sign."""
+    """Integral of u^+ (cos, sin) over the spacing around node k, where u may change its sign."""
     coefficient = scratch[COEFFICIENT]
     before, here, after = coefficient[k - 1], coefficient[k], coefficient[k + 1]
     even, k0, k1, k2, odd, s0, s1, s2 = cell_integrals(
@@ -252,7 +259,7 @@ def _cut_force(scratch, k, cosine, sine, integers, scalars, wanted):
 
 @kernel(error_model="numpy")
 def _fill_kinds(scratch, first, last, integers, scalars):
-    """Fill KIND of the nodes ``first`` to ``last``; zero elsewhere.
+    """Fill KIND of the nodes ``first`` to ``last``, with zero elsewhere.
 
     u lies between its Bernstein coefficients, which are the mean of P with either neighbour and P itself.
     """
@@ -272,8 +279,10 @@ def _fill_kinds(scratch, first, last, integers, scalars):
 
 @kernel(error_model="numpy", fastmath={"reassoc", "contract"})
 def _whole_force(scratch, cosine, sine, integers, scalars, wanted):
-    """int u^+ (cos, sin) over the spacings where u is positive throughout: with k0, k2 and s1 the integrals
-    of ``clipped_integrals`` over [-1/2, 1/2], the sums C = c0 k0 + c2 k2 and S = c1 s1 of every node.
+    """Integral of u^+ (cos, sin) over the spacings where u is positive throughout.
+
+    With k0, k2 and s1 from ``clipped_integrals`` over [-1/2, 1/2], a node contributes C = c0 k0 + c2 k2 and
+    S = c1 s1.
     """
     nodes, spacing = integers[NODES], scalars[SPACING]
     k0, k2, s1 = 1.0 - spacing**2 / 24.0, 1.0 / 12.0 - spacing**2 / 160.0, spacing / 12.0
@@ -308,7 +317,7 @@ def _whole_force(scratch, cosine, sine, integers, scalars, wanted):
 
 @kernel(error_model="numpy")
 def _station_force(scratch, cosine, sine, integers, scalars, wanted):
-    """int u^+ (cos, sin) over theta / dtheta of the station whose P stands in ``scratch``."""
+    """Integral of u^+ (cos, sin) over theta / dtheta at the station whose P is in ``scratch``."""
     nodes, periodic, kind = integers[NODES], integers[PERIODIC] == 1, scratch[KIND]
     first, last = (1, nodes) if periodic else (2, nodes - 1)
     _fill_kinds(scratch, first, last, integers, scalars)
@@ -330,8 +339,10 @@ def _station_force(scratch, cosine, sine, integers, scalars, wanted):
 
 @kernel(error_model="numpy")
 def film_force(padded, integers, scalars, arrays, gradient, scratch):
-    """Gas force on the journal (F_x, F_y); ``gradient`` (2, nodes * stations) receives its derivative with
-    every pressure unless it is empty.  ``scratch`` (FORCE_SCRATCH, nodes + 2).
+    """Gas force on the journal (F_x, F_y).
+
+    ``gradient`` (2, nodes * stations), unless it is empty, receives the derivative with every pressure.
+    ``scratch`` (FORCE_SCRATCH, nodes + 2).
     """
     nodes, stations, wanted = integers[NODES], integers[STATIONS], gradient.shape[1] > 0
     at = film_layout(integers)

@@ -3,16 +3,17 @@
 A kernel sees the phase ``phi = 2 pi tau / T`` instead of the time tau, so that one loop integrates any period
 over the unit interval.  It owns no memory: constants, integer layout and scratch space are handed in.
 
-``RATES``    ``out = f(phase, state, parameters)``; arguments ``phase, state, parameters, constants, layout,
-work, out``. ``TANGENT``  ``out = J(phase, state, parameters) @ block``; ``block`` and ``out`` have shape
-``(size, columns)`` with the columns contiguous; arguments ``phase, state, block, parameters, constants,
-layout, work, out``.
+RATES      ``out = f(phase, state, parameters)``; arguments ``phase, state, parameters, constants, layout,
+           work, out``
+TANGENT    ``out = J(phase, state, parameters) @ block``; ``block`` and ``out`` have shape (size, columns) in
+           row-major order; arguments ``phase, state, block, parameters, constants, layout, work, out``
 
-An implicit stepper also needs the shifted systems (I - shift J) x = b:
+An implicit stepper also needs to solve the linear systems (I - shift J) x = b:
 
-``FACTORISE``  fills ``factors`` (zeros before the first call) at a state; arguments ``phase, state,
-parameters, shift, constants, layout, work, factors``. ``SOLVE``  replaces b by x in ``lanes``, a flat array
-with LANES columns row by row; arguments ``factors, constants, layout, work, lanes``.
+FACTORISE  fills ``factors`` (zeros before the first call) at a state; arguments ``phase, state, parameters,
+           shift, constants, layout, work, factors``
+SOLVE      replaces b by x in ``lanes``, a flat array with LANES columns row by row; arguments ``factors,
+           constants, layout, work, lanes``
 
 Decorate with ``@kernel(RATES)``: the explicit signature makes the compilation eager and the function usable
 as a first-class value of type ``RATES_POINTER`` in another compiled function, which is then cached as well.
@@ -47,21 +48,21 @@ _PACKAGES = tuple(Path(__file__).parents[1] / name for name in ("machine", "orbi
 
 
 def kernel(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """``numba.njit`` whose cache on the disk is void when the sources of any kernel change.
+    """``numba.njit`` with a cache on the disk that becomes invalid when the sources of any kernel change.
 
     Numba looks at the file of a compiled function, not at the files of the functions that it calls: after an
-    update of the sources it would run old machine code without a word.
+    update of the sources it would silently run old machine code.
 
-    ``signature``: of an eager compilation, None to compile when called.
-    ``options``: of ``njit``.
+    ``signature``: compile at once for these types; None compiles at the first call.
+    ``options``: options of ``njit``.
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
         compiled = njit(cache=True, **options)(function)
         cached = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
         if cached is not None and hasattr(cached, "_source_stamp") and hasattr(cached, "_version"):
-            # Internals of numba: where it has other ones, its own rule holds.  The version is compared before
-            # the rest is read, which fails where types of arguments, such as named tuples, are gone.
+            # These are internals of numba; without them its own rule holds.  The version is compared before
+            # the rest is read, which would fail where types of arguments, such as named tuples, are gone.
             cached._source_stamp = source_digest()
             cached._version = f"{cached._version} {source_digest()}"
         if signature is not None and hasattr(compiled, "compile"):  # a plain function with NUMBA_DISABLE_JIT
@@ -74,7 +75,7 @@ def kernel(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any
 
 @cache
 def source_digest() -> str:
-    """A hash of all files that hold kernels, or constants of theirs, and of the lanes that these take."""
+    """A hash of all files with kernels or their constants, and of the choice between the two ``lanes``."""
     digest = hashlib.sha256(b"plain" if PLAIN else b"vector")
     for path in sorted(path for package in _PACKAGES for path in package.rglob("*.py")):
         content = path.read_bytes()

@@ -4,9 +4,10 @@
     add_lanes         out <- out + a row times a factor
     accumulate_lanes  out <- base + sum of equally spaced rows times factors
 
-numba does not vectorise such short loops. ``vector_lanes`` writes the vector instructions down, through
-interfaces of numba and llvmlite that may change with any version. Where they have, or with AGFB_PLAIN_LANES=1
-in the environment, the loops of ``plain_lanes`` give the same numbers to rounding and take twice the time.
+numba does not vectorise such short loops. ``vector_lanes`` generates the vector instructions, through
+interfaces of numba and llvmlite that may change with any version. Where they have changed, or with
+AGFB_PLAIN_LANES=1 in the environment, the loops of ``plain_lanes`` give the same numbers to rounding and take
+twice the time.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ __all__ = ["LANES", "PLAIN", "accumulate_lanes", "add_lanes", "set_lanes"]
 
 
 def chosen() -> ModuleType:
-    """The module whose sums are taken."""
+    """The module whose sums are used."""
     if os.environ.get("AGFB_PLAIN_LANES", "0") != "0":
         return plain_lanes
     try:

@@ -1,4 +1,4 @@
-"""The sums of ``lanes`` as plain loops, which say what they compute."""
+"""The sums of ``lanes`` as plain loops, which define what ``vector_lanes`` computes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numba import njit
 
 LANES = 8  # columns treated together: a bearing's rows and their image stay in the first-level cache
 
-# Signed and unsigned offsets together would make floating-point numbers.
+# All offsets are unsigned: numba makes the sum of a signed and an unsigned integer a floating-point number.
 
 
 @njit(fastmath={"contract"})
@@ -29,8 +29,9 @@ def add_lanes(out, to, factor, lanes, source):  # type: ignore[no-untyped-def]
 
 @njit(fastmath={"contract"})
 def accumulate_lanes(out, to, base, start, factors, first, lanes, source, step, count):  # type: ignore[no-untyped-def]
-    """out[to + c] = base[start + c] + sum_{k < count} factors[first + k] lanes[source + k step + c], c <
-    LANES.
+    """out <- base + sum of ``count`` rows of ``lanes``, ``step`` apart, times factors.
+
+    out[to + c] = base[start + c] + sum_{k < count} factors[first + k] lanes[source + k step + c], c < LANES
     """
     for c in range(np.uint64(LANES)):
         total = base[np.uint64(start) + c]

@@ -1,8 +1,8 @@
 """Compiled right-hand side of the rotor on two gas foil bearings, and its derivative (Eq. 16).
 
 State s = {p_1 q_1 p_2 q_2 y}: the film pressures and foil displacements of either bearing, then the
-displacements and velocities of the master nodes, y = {x_1 y_1 [alpha_1 beta_1] ..., velocities}, slopes
-where they are kept:
+displacements and velocities of the master nodes, y = {x_1 y_1 [alpha_1 beta_1] ..., velocities}, with the
+slopes alpha, beta of the nodes that keep them:
 
     dx/dtau = v
     dv/dtau = -M^-1 K x - M^-1 (C + Omega G) v + M^-1 F + g                                           (Eq. 12)
@@ -15,7 +15,8 @@ Integers and constants of the machine, with n = ROTOR_SIZE (see ``film`` for tho
     constants | clearance, scalars, arrays of bearing 1 | the same of bearing 2 | rotor
     rotor     | M^-1 K (n, n) | M^-1 C (n, n) | M^-1 G (n, n) | M^-1 at the journals (n, 4) | gravity (n)
 
-The tangent sweeps a block in chunks of LANES columns, each copied into one flat array. Rows of a chunk:
+``machine_tangent`` treats a block in chunks of LANES columns, each copied into one flat array. The rows of a
+chunk are, for one bearing,
 
     | pressures        | foil  | dX, dY, dX', dY' | dh        | d(dh/dtau) |
       stations * nodes   nodes   4                  nodes + 2   nodes
@@ -98,8 +99,9 @@ def film_workspace(integers, work):
 
 @kernel()
 def bearing_rates(phase, state, parameters, bearing, constants, layout, work, out, gradient):
-    """Film and foil rates of one bearing into ``out``; returns the force on its journal and, unless
-    ``gradient`` is empty, its derivatives there.
+    """Write film and foil rates of one bearing into ``out``; returns the force on its journal.
+
+    ``gradient``, unless it is empty, receives the derivatives of the force with the pressures.
     """
     integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
     thickness, thickness_rate, padded, scratch, force_scratch = film_workspace(integers, work)
@@ -165,11 +167,11 @@ def linearise_bearing(phase, state, parameters, bearing, constants, layout, work
     )  # fmt: skip
 
 
-# Offsets into the rows of a chunk are unsigned, as ``lanes`` asks for.
+# Offsets into the rows of a chunk are unsigned, as the sums of ``lanes`` need them.
 
 
 class ChunkRows(NamedTuple):
-    """Where the rows of foil, journal, dh and d(dh/dtau) start in a chunk; the pressures start at zero."""
+    """Offsets of the rows of foil, journal, dh and d(dh/dtau) in a chunk; the pressures start at zero."""
 
     foil: Any
     journal: Any
@@ -219,8 +221,10 @@ def scatter_lanes(lanes, first, width, row, rows, block):
 
 @kernel(error_model="numpy")
 def foil_lanes(lanes, parameters, integers, scalars, arrays, clearance, out):
-    """Foil rows of J, and dh and d(dh/dtau) for the film rows; the journal's rows of a chunk are in the
-    machine's displacement unit.
+    """Compute the foil rows of J @ chunk into ``out``, and dh and d(dh/dtau) of the chunk for the film rows.
+
+    The journal's rows of the chunk are in the machine's displacement unit; ``clearance`` is the bearing's
+    clearance in that unit.
     """
     nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
     flexibility, relaxation = foil_coefficients(parameters, integers, scalars)
@@ -253,8 +257,9 @@ def foil_lanes(lanes, parameters, integers, scalars, arrays, clearance, out):
 
 @kernel(error_model="numpy")
 def film_lanes(lanes, terms, integers, out):
-    """Film rows of J from the rows that ``foil_lanes`` has completed; ``terms`` as in
-    ``film.film_derivatives``.
+    """Compute the film rows of J @ chunk into ``out``, after ``foil_lanes`` has completed the chunk.
+
+    ``terms`` as in ``film.film_derivatives``.
     """
     nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
     one, step = UNSIGNED(1), nodes * w
@@ -281,7 +286,7 @@ def film_lanes(lanes, terms, integers, out):
 
 @kernel(error_model="numpy")
 def force_lanes(lanes, gradient, force):
-    """Rows dF_x and dF_y of a bearing into ``force``; ``lanes`` begins with its pressures."""
+    """Write the rows dF_x and dF_y of a bearing into ``force``; ``lanes`` begins with its pressures."""
     rows, w = UNSIGNED(gradient.shape[1]), UNSIGNED(LANES)
     flat = gradient.reshape(UNSIGNED(2) * rows)
     force[:] = 0.0
@@ -338,7 +343,7 @@ def tangent_workspace(nodes, stations, work):
 
 @kernel(TANGENT)
 def machine_tangent(phase, state, block, parameters, constants, layout, work, out):
-    """J(phase, state) @ block: linearise both bearings, then sweep the block in chunks of columns."""
+    """J(phase, state) @ block: linearise both bearings, then treat the block in chunks of columns."""
     columns, start, size = block.shape[1], layout[ROTOR_STATE], layout[ROTOR_SIZE]
     rotor_tangent(block, parameters[SPEED], constants, layout, out)
     for bearing in range(BEARINGS):

@@ -1,8 +1,9 @@
 """A state of the machine on another film grid, as a first guess there.
 
-Along theta pressures and foil displacements are cubic splines: through p = 1 on the foil edge line, without
-a known end value for the foil, and periodic for a film without an edge.  Along the axis the pressure is the
-even Chebyshev polynomial of the collocation itself, or a cubic spline through the paper's uniform stations.
+Along theta pressures and foil displacements are interpolated by cubic splines.  At the foil edge line the
+pressure is 1 and the foil displacement is extrapolated; a film without an edge has periodic splines.  Along
+the axis the pressure is the even Chebyshev polynomial of the collocation itself, or a cubic spline through
+the paper's uniform stations.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ _AMBIENT = 1.0  # pressure at the side of the film and on the foil edge line
 def regrid(source: Machine, target: Machine, state: Array) -> Array:
     """``state`` (N + m,) of ``source`` on the film grids of ``target``, (N' + m,).
 
-    The rotor's states, and whatever follows them, stay as they are.  The error of smooth films is of fourth
-    order in the spacing along theta.  Raises ValueError for machines with different rotors or a state that is
-    too short.
+    The rotor's states, and the m entries that follow them, stay as they are.  The error of smooth films is of
+    fourth order in the spacing along theta.  Raises ValueError for machines with different rotors or a state
+    that is too short.
     """
     rotor = source.size - source.rotor_start
     if rotor != target.size - target.rotor_start:

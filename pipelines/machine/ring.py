@@ -1,5 +1,6 @@
-"""The active outer ring: the radial displacement that the foil sees; `pipelines.case.ring_statics` says how
-far the ring deforms.
+"""The active outer ring: the radial displacement on which the foil rests.
+
+How far the ring deforms under its actuators is computed in ``pipelines.case.ring_statics``.
 
 Displacements below are in units of the clearance c_r and times in units of t0; ``radius_over_clearance`` is R
 / c_r with the bearing radius R. The compiled scalar functions are called by the film kernels; their

@@ -18,8 +18,7 @@ from pipelines.machine.shaft import NODE_FREEDOMS, RotorMatrices
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-# An orbit whose area is below this part of its circumscribed circle's is a straight line to all intents and
-# purposes.
+# An orbit counts as a straight line if its area is below this part of the area of a circle of its size.
 PLANAR_ORBIT = 1e-6
 
 
@@ -36,18 +35,14 @@ class LinearBearing:
     damping: FloatArray
 
     def at(self, index: int) -> LinearBearing:
-        """The bearing at one entry of the list of speeds; a bearing without a list is the same at all of
-        them.
-        """
+        """The bearing at one entry of the list of speeds; constant coefficients hold at all of them."""
         pick = [matrix[index] if matrix.ndim == 3 else matrix for matrix in (self.stiffness, self.damping)]
         return LinearBearing(self.node, *pick)
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Oscillating modes, rising in |Im lambda|; ``shapes`` (modes, freedoms) belong to the freedoms of the
-    rotor.
-    """
+    """Oscillating modes by rising |Im lambda|, with ``shapes`` (modes, freedoms of the rotor)."""
 
     eigenvalues: ComplexArray
     shapes: ComplexArray
@@ -104,8 +99,7 @@ def with_bearings(
 def oscillating_modes(
     rotor: RotorMatrices | CondensedRotor, speed: float, bearings: Sequence[LinearBearing] = ()
 ) -> Modes:
-    """All modes with Im lambda > 0 at a rotating speed [rad/s]; rigid-body and overdamped motions are left
-    out.
+    """All modes with Im lambda > 0 at a rotating speed [rad/s], without rigid-body and overdamped motions.
 
     [q ]'   [    0             I          ] [q ]
     [q'] =  [-M^-1 K   -M^-1 (C + Omega G)] [q']
@@ -166,8 +160,8 @@ def unbalance_response(
 ) -> ComplexArray:
     """Response X of all nodes [m], shape (speeds, nodes, 2), the motion being Re(X exp(i Omega t)).
 
-    ``unbalance`` [kg m] per node of the full rotor; a complex number gives its angular position. ``speeds``
-    [rad/s].
+    ``unbalance`` [kg m] per node of the full rotor: its argument is the angular position. ``speeds`` [rad/s].
+    Raises ValueError for an unbalance that is not on the shaft.
 
         (K - Omega^2 M + i Omega (C + Omega G)) X = Omega^2 sum_n u_n (1, -i) at node n
     """

@@ -58,10 +58,11 @@ class RotorMatrices:
 
 
 def cowper_shear_coefficient(poisson_ratio: float, diameter_ratio: float) -> float:
-    """Shear coefficient of a circular section with m = inner/outer diameter (Cowper 1966); 1/2 for a thin
-    tube at nu=0.
+    """Shear coefficient of a circular section with m = inner/outer diameter (Cowper 1966).
 
     kappa = 6 (1 + nu) (1 + m^2)^2 / [(7 + 6 nu)(1 + m^2)^2 + (20 + 12 nu) m^2]
+
+    It is 1/2 for a thin tube with nu = 0.
     """
     hollow = (1.0 + diameter_ratio**2) ** 2
     denominator = (7.0 + 6.0 * poisson_ratio) * hollow + (20.0 + 12.0 * poisson_ratio) * diameter_ratio**2
@@ -71,11 +72,11 @@ def cowper_shear_coefficient(poisson_ratio: float, diameter_ratio: float) -> flo
 def _shape_functions(
     fraction: FloatArray, length: float, shear: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Deflection, slope of the cross section, and d slope/dz at z = fraction * length, each of shape (4,
-    points).
+    """Shape functions of deflection, slope of the cross section and d slope/dz, each of shape (4, points).
 
-    They multiply (deflection, slope) at the left end, then at the right end, and are the exact static
-    solution of an unloaded Timoshenko beam with shear parameter Phi, hence nodally exact in statics.
+    They are taken at z = ``fraction * length`` and multiply (deflection, slope) at the left end, then at the
+    right end. They are the exact static solution of an unloaded Timoshenko beam with the shear parameter
+    Phi = ``shear``, so that displacements of the nodes are exact in statics.
     """
     s = fraction
     deflection = np.array(
@@ -106,7 +107,7 @@ def _shape_functions(
 
 
 def _shear_angle(length: float, shear: float) -> FloatArray:
-    """Shear angle gamma = dw/dz - slope, constant along the element, as a row over the same four freedoms."""
+    """Shear angle gamma = dw/dz - slope, constant along the element, as a row over the four freedoms."""
     return shear / (1.0 + shear) * np.array([-1.0 / length, -0.5, 1.0 / length, -0.5])
 
 
@@ -123,11 +124,10 @@ def _planes(row: FloatArray) -> tuple[FloatArray, FloatArray]:
 def element_matrices(
     length: float, outer_diameter: float, inner_diameter: float, material: Material
 ) -> ElementMatrices:
-    """Matrices (8, 8) of a circular Timoshenko element with consistent mass, rotary inertia and gyroscopic
-    effect.
+    """Matrices (8, 8) of a circular Timoshenko element: consistent mass, rotary inertia, gyroscopic effect.
 
-    Phi = 12 E I / (kappa G A L^2). Lengths in m; freedoms x, y, alpha, beta of the left, then of the right
-    node.
+    Its shear parameter is Phi = 12 E I / (kappa G A L^2). Lengths in m; freedoms x, y, alpha, beta of the
+    left, then of the right node.
     """
     poisson_ratio = material.resolved_poisson_ratio
     shear_modulus = material.young_modulus / (2.0 * (1.0 + poisson_ratio))

@@ -3,19 +3,22 @@
 J is the Jacobian of ``rates``.  Pressures of one axial line couple to the neighbouring lines only, foil
 displacements to the pressures at their own angle, and the two films to the rotor only through the journals:
 
-1.  dq_i = b_q/(1 + shift r) + c w.dp_i,  c = shift a/(1 + shift r), is put into the film equations, which
-    become block tridiagonal along theta with blocks of stations x stations:
+1.  The foil displacements dq_i = b_q/(1 + shift r) + c w.dp_i,  c = shift a/(1 + shift r), with w.dp_i the
+    axial mean and a, r as in ``film``, are substituted into the film equations. These become block
+    tridiagonal along theta with blocks of stations x stations:
 
         L_i dp_{i-1} + D_i dp_i + U_i dp_{i+1} = b_i + (terms in the journal's dX, dY, dX', dY')
 
-2.  Block elimination,  D_i <- D_i - M_i U_{i-1}, M_i = L_i D_{i-1}^-1, gives dp = p^ + Z (dX, dY, dX', dY').
-    In a periodic film the last line closes the ring: its coupling fills one more block column T and row W.
-3.  With the bearing forces F (four of them) known, the rotor is linear with constant coefficients,
+2.  Block elimination,  D_i <- D_i - M_i U_{i-1}, M_i = L_i D_{i-1}^-1, gives dp = p^ + Z (dX, dY, dX', dY'),
+    where p^ is the solution with the journal at rest. In a periodic film the last line is coupled to the
+    first: this fills one more block column T and block row W.
+3.  For given bearing forces F (four of them) the rotor is linear with constant coefficients,
 
         dv = v^ + shift S^-1 M^-1 F,   dx = b_x + shift dv
         S = I + shift M^-1 (C + Omega G) + shift^2 M^-1 K
 
-    and F = F^ + Y (dX, dY, dX', dY') closes a 4 x 4 system.
+    where v^ is the solution without forces. With F = F^ + Y (dX, dY, dX', dY'), F^ the force at p^, this
+    gives a 4 x 4 system for F: the closing system.
 
 The cost is linear in the number of lines along theta.  LANES columns cost as much as one.
 
@@ -65,15 +68,15 @@ from .rates import (
 
 JOURNAL_COORDINATES = 4  # dX, dY, dX', dY' of a bearing
 FORCES = 2 * BEARINGS
-_HEADER = 2  # shift and speed for which the rotor's inverse stands
+_HEADER = 2  # the shift and the speed that the rotor's factors belong to
 
 
 class FilmFactors(NamedTuple):
-    """Factors of one bearing, and where they end.
+    """Factors of one bearing, and the offset at which they end.
 
-    ``foil``: 1/(1 + shift r), then c times the weights of the axial mean; ``right``: what b_q of the
-    neighbouring angles adds to b; ``blocks``: LOWER -M, INVERSE D^-1, UPPER -D^-1 U, COLUMN -T, ROW -W;
-    ``journal``: Z, flat, four columns used; ``force``: derivative of the force with p.
+    ``foil``: 1/(1 + shift r), then c times the weights of the axial mean; ``right``: weights in b of b_q at
+    the node before, here and after; ``blocks``: LOWER -M, INVERSE D^-1, UPPER -D^-1 U, COLUMN -T, ROW -W;
+    ``journal``: Z, flat, of which four columns are used; ``force``: derivative of the force with p.
     """
 
     foil: Any
@@ -108,8 +111,12 @@ def _film_factors(integers, start, factors):
 
 
 class RotorFactors(NamedTuple):
-    """Shift and speed of the matrices; S^-1; -shift S^-1 M^-1 K; shift S^-1 M^-1 at the journals; and the
-    closing 4 x 4 matrices: force response to the journals' displacements, to their velocities, the inverse.
+    """Factors of the rotor.
+
+    ``header``: shift and speed that they belong to; ``inverse``: S^-1; ``flexible``: -shift S^-1 M^-1 K;
+    ``compliance``: shift S^-1 M^-1 at the journals; ``closing``: three 4 x 4 matrices, the response of the
+    forces to the journals' displacements, to their velocities with dx = shift dv, and the inverse of the
+    closing system.
     """
 
     header: Any
@@ -160,9 +167,9 @@ def _product(n, a, b, sign, out):
 
 @kernel(error_model="numpy")
 def _multiply_add(a, b, sign, out):
-    """out += sign a b for small square matrices, ``out`` another one than a and b."""
+    """out += sign a b for small square matrices; ``out`` must not be a or b."""
     n = a.shape[0]
-    if n == 2:  # the compiler unrolls what it knows the size of
+    if n == 2:  # the compiler unrolls loops of known length
         _product(2, a, b, sign, out)
     elif n == 3:
         _product(3, a, b, sign, out)
@@ -192,9 +199,9 @@ def _gauss_jordan(n, matrix, out):
 
 @kernel(error_model="numpy")
 def _invert(matrix, out):
-    """Gauss-Jordan elimination of a small matrix, which is destroyed.
+    """out = matrix^-1 by Gauss-Jordan elimination; ``matrix`` is destroyed.
 
-    Without exchange of rows: the diagonal blocks of I - shift J are dominated by 1 and by conduction.
+    Rows are not exchanged: the diagonal blocks of I - shift J are dominated by 1 and by conduction.
     """
     n = matrix.shape[0]
     if n == 2:
@@ -215,7 +222,7 @@ def _film_blocks(terms, shift, foil, nodes, stations, node, blocks):
         before, after = -shift * terms[THICKNESS_BEFORE, row], -shift * terms[THICKNESS_AFTER, row]
         here = -shift * terms[THICKNESS_HERE, row] - terms[THICKNESS_RATE, row]
         for k in range(stations):
-            by_pressure = foil[1 + k]  # dq by dp_k; d(dq/dtau) is that over shift
+            by_pressure = foil[1 + k]  # derivative of q with p_k; that of dq/dtau is 1/shift times this
             blocks[0, j, k] = before * by_pressure
             blocks[1, j, k] = here * by_pressure - shift * terms[HERE + k, row]
             blocks[2, j, k] = after * by_pressure
@@ -229,7 +236,8 @@ def _eliminate(terms, shift, foil, integers, work, blocks):
     """Block elimination along theta into ``blocks`` (LOWER, INVERSE, UPPER, COLUMN, ROW)."""
     nodes, stations, periodic = integers[NODES], integers[STATIONS], integers[PERIODIC] == 1
     matrices = work[: 8 * stations * stations].reshape(8, stations, stations)
-    # Of a periodic film: the last line, and what couples line i to it (column) and it to line i (row).
+    # For a periodic film: blocks of the last line (seam), coupling of line i to it (column), of it to line i
+    # (row).
     own, seam, column, row = matrices[:3], matrices[3:6], matrices[6], matrices[7]
     _film_blocks(terms, shift, foil, nodes, stations, nodes - 1, seam)
     row[:, :] = seam[2]
@@ -251,7 +259,7 @@ def _eliminate(terms, shift, foil, integers, work, blocks):
                 _multiply_add(lower, own[0], 1.0, column)
         _invert(own[1], inverse)
         if periodic:
-            if i == count - 1:  # the neighbour of the last line on both ways
+            if i == count - 1:  # this line is also a direct neighbour of the last one
                 column += own[2]
                 row += seam[0]
             else:
@@ -273,8 +281,9 @@ def _eliminate(terms, shift, foil, integers, work, blocks):
 
 @kernel(error_model="numpy")
 def _solve_film(blocks, integers, work, lanes):
-    """Pressures of a bearing with its foil eliminated and its journal at rest, in place; ``lanes`` starts
-    with the pressures, ``work`` holds ``stations`` rows of lanes.
+    """Solve for the pressures of a bearing in place, with the foil eliminated and the journal at rest.
+
+    ``lanes`` starts with the pressures, ``work`` has room for ``stations`` rows of lanes.
     """
     nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
     one, block, step = UNSIGNED(1), stations * stations, nodes * w
@@ -312,8 +321,9 @@ def _solve_film(blocks, integers, work, lanes):
 
 @kernel(error_model="numpy")
 def _solve_bearing(factors, integers, work, lanes, force):
-    """Pressures and gas force (2 rows) of a bearing whose journal is at rest; foil displacements are left at
-    b_q / (1 + shift r).
+    """Solve for the pressures and the gas force (2 rows) of a bearing whose journal is at rest.
+
+    The foil displacements are left at b_q / (1 + shift r); ``_move_journal`` completes them.
     """
     foil, right = factors.foil, factors.right
     nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
@@ -323,7 +333,7 @@ def _solve_bearing(factors, integers, work, lanes, force):
     for j in range(stations):
         for i in range(nodes):
             r, here = j * nodes + i, displacement + i * w
-            # the factor of a neighbour that is not there is zero
+            # at a foil edge the weight of the missing neighbour is zero
             before = here - w if i > 0 else here + (nodes - one) * w
             after = here + w if i + one < nodes else displacement
             weights = (1.0, right[r, 0], right[r, 1], right[r, 2])
@@ -334,9 +344,7 @@ def _solve_bearing(factors, integers, work, lanes, force):
 
 @kernel(error_model="numpy")
 def _move_journal(factors, integers, journal, lanes):
-    """Add what the journal's motion (4 rows) does to the pressures, then the pressures' part of the foil
-    displacements.
-    """
+    """Add the effect of the journal's motion (4 rows) on the pressures, and of the pressures on the foil."""
     foil, through_journal = factors.foil, factors.journal
     nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
     one, four, displacement = UNSIGNED(1), UNSIGNED(JOURNAL_COORDINATES), stations * nodes * w
@@ -349,7 +357,7 @@ def _move_journal(factors, integers, journal, lanes):
 
 @kernel(error_model="numpy")
 def _fill_right_sides(terms, shift, relaxation, scale, integers, arrays, right, journal):
-    """What b_q and the journal's coordinates are multiplied by (see ``FilmFactors``)."""
+    """Fill ``right`` of ``FilmFactors``, and ``journal`` with the right-hand sides whose solution is Z."""
     nodes, stations, sine = integers[NODES], integers[STATIONS], film_layout(integers).sine
     journal[:] = 0.0
     edge = integers[PERIODIC] == 0
@@ -372,7 +380,10 @@ def _fill_right_sides(terms, shift, relaxation, scale, integers, arrays, right, 
 
 @kernel(error_model="numpy")
 def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layout, work, factors, response):
-    """Factors of one film; ``response`` (2 rows): gas force by the journal's X, Y, dX/dtau, dY/dtau."""
+    """Compute the factors of one film and the derivatives of its force with the journal's motion.
+
+    ``response`` (2 rows of lanes) receives the derivatives with X, Y, dX/dtau, dY/dtau.
+    """
     integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
     rows = integers[NODES] * integers[STATIONS]
     count = rows * (HERE + integers[STATIONS])
@@ -391,7 +402,7 @@ def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layo
 
 @kernel()
 def _invert_if_finite(matrix, inverse):
-    """The inverse, or NaN where the equations have left their domain: the solver of the stage sees that."""
+    """Fill ``inverse``, with NaN if ``matrix`` is not finite: Newton's method of the stage then stops."""
     inverse[:, :] = np.nan
     if np.isfinite(np.sum(matrix)):
         inverse[:, :] = np.linalg.inv(matrix)
@@ -399,7 +410,7 @@ def _invert_if_finite(matrix, inverse):
 
 @kernel()
 def _factorise_rotor(shift, speed, constants, layout, start, factors):
-    """The rotor's constant matrices, unless they already stand for this shift and speed."""
+    """Compute the rotor's factors, unless the stored ones belong to this shift and speed."""
     size = layout[ROTOR_SIZE]
     header, inverse, flexible, compliance, _ = _rotor_factors(size, start, factors)
     if header[0] == shift and header[1] == speed:
@@ -422,7 +433,10 @@ def _closing_workspace(work):
 
 @kernel(FACTORISE)
 def machine_factorise(phase, state, parameters, shift, constants, layout, work, factors):
-    """Factors of I - shift J(phase, state) for ``machine_solve``; ``factors`` start as zeros."""
+    """Fill ``factors`` of I - shift J(phase, state) for ``machine_solve``.
+
+    They must be zeros before the first call.
+    """
     size, offset = layout[ROTOR_SIZE], 0
     response, matrix, scratch = _closing_workspace(work)
     for bearing in range(BEARINGS):
@@ -451,8 +465,9 @@ def machine_factorise(phase, state, parameters, shift, constants, layout, work, 
 
 @kernel(error_model="numpy")
 def _solve_rotor(factors, layout, lanes, force, work):
-    """Rotor displacements and velocities in place, from the gas forces (4 rows) with the journals at
-    rest.
+    """Solve for rotor displacements and velocities in place.
+
+    ``force`` (4 rows): the gas forces with the journals at rest.
     """
     header, inverse, flexible, compliance, closing = factors
     size, w, four = UNSIGNED(layout[ROTOR_SIZE]), UNSIGNED(LANES), UNSIGNED(FORCES)

@@ -36,7 +36,7 @@ from .shaft import NODE_FREEDOMS
 
 Array = NDArray[np.float64]
 
-# Entries of the parameter vector behind those of ``film``: a factor on the whole unbalance, and psi.
+# Entries of the parameter vector after those of ``film``: a factor on the whole unbalance, and psi.
 UNBALANCE, ROTATION_PHASE = 5, 6
 
 
@@ -71,9 +71,7 @@ def unbalance_acceleration(machine: Machine, masses: Sequence[UnbalanceMass]) ->
 
 @kernel()
 def unbalance_factors(angle, speed, acceleration):  # type: ignore[no-untyped-def]
-    """What A_c and A_s are multiplied by at the rotation angle ``angle``, ``speed`` phi', ``acceleration``
-    phi''.
-    """
+    """The factors of A_c and A_s at the rotation angle phi, with speed phi' and acceleration phi''."""
     c, s = np.cos(angle), np.sin(angle)
     return speed * speed * c + acceleration * s, speed * speed * s - acceleration * c
 

@@ -1,8 +1,8 @@
 """The sums of ``lanes`` in vector registers.
 
-The compiler unrolls a loop over so few values before it would vectorise it, and the sum becomes scalar.  Here
-the vector instructions are written down; multiplications and additions may be fused.  The import fails where
-numba or llvmlite no longer have what this takes.
+The compiler unrolls a loop over so few values before it would vectorise it, and the sum becomes scalar.  This
+module generates the vector instructions itself; multiplications and additions may be fused.  Its import fails
+if numba or llvmlite no longer have the interfaces that it uses.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 
 from .plain_lanes import LANES
 
-_operation: Any = intrinsic  # its own annotation counts the typing context among the arguments of a call
+_operation: Any = intrinsic  # numba's annotation counts the typing context among the arguments of a call
 _ROW_TYPE = ir.VectorType(ir.DoubleType(), LANES)
 
 
@@ -28,7 +28,7 @@ def _address(context: Any, builder: Any, array_type: Any, array: Any, offset: An
 
 
 def _filled(builder: Any, value: Any) -> Any:
-    """A row of one value."""
+    """A row with one value in every lane."""
     undefined = ir.Constant(_ROW_TYPE, ir.Undefined)
     first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
     return builder.shuffle_vector(
@@ -77,13 +77,14 @@ def add_lanes(typing, out, to, factor, lanes, source):  # type: ignore[no-untype
     return types.void(out, types.uint64, types.float64, lanes, types.uint64), generate
 
 
-_UNROLLED = (2, 3, 4)  # terms of the sums that take all the time
+_UNROLLED = (2, 3, 4)  # numbers of terms of the sums that take most of the time
 
 
 @_operation
 def accumulate_lanes(typing, out, to, base, start, factors, first, lanes, source, step, count):  # type: ignore[no-untyped-def]
-    """out[to + c] = base[start + c] + sum_{k < count} factors[first + k] lanes[source + k step + c], c <
-    LANES.
+    """out <- base + sum of ``count`` rows of ``lanes``, ``step`` apart, times factors.
+
+    out[to + c] = base[start + c] + sum_{k < count} factors[first + k] lanes[source + k step + c], c < LANES
 
     The sum stays in a register.
     """
@@ -132,7 +133,7 @@ def accumulate_lanes(typing, out, to, base, start, factors, first, lanes, source
 
 @njit(types.void(types.float64[::1]), cache=True)
 def _take_all(values):  # type: ignore[no-untyped-def]
-    """Compiled with the import, which then fails where a later compilation would."""
+    """Compile every sum at the import, which then fails in place of a later compilation of a kernel."""
     zero = np.uint64(0)
     set_lanes(values, zero, (1.0,), values, (zero,))
     add_lanes(values, zero, 1.0, values, zero)

@@ -1,6 +1,7 @@
 """Dynamical systems, their period maps, cycles, equilibria and transients.
 
 - system, compiled: definition of a system; systems from Python functions
+- solving: linear equations whose matrix may be singular
 - vectors: points, directions, metric and constraints of continuations
 - steppers: Runge-Kutta tableaux
 - integration: one pass over a period: `propagation` explicit, `implicit` diagonally implicit

@@ -26,9 +26,9 @@ def compiled_system(
     """Compile a system from functions that numba understands.
 
     ``rates(phase, s, parameters, out)`` writes f into ``out`` (size,), ``jacobian(phase, s, parameters,
-    out)`` df/ds into ``out`` (size, size), which is zero before; ``forcing`` as in ``ode_system``.  The
-    shifted equations of implicit steppers are solved by dense matrices: for up to about a hundred states.
-    Raises ValueError if ``forcing`` is unknown, and what numba raises where it cannot compile a function.
+    out)`` writes df/ds into ``out`` (size, size), which holds zeros; ``forcing`` as in ``ode_system``.  The
+    shifted equations of implicit steppers are solved with dense matrices, which suits up to about a hundred
+    states.  Raises ValueError if ``forcing`` is unknown, and numba's error if it cannot compile a function.
     """
     if forcing is not None and forcing not in parameter_names:
         raise ValueError(f"forcing is {forcing!r}; it must be one of {', '.join(parameter_names)}")
@@ -62,7 +62,7 @@ def compiled_system(
 
 
 def dense_shifted(tangent: Any, size: int) -> ShiftedSolver:
-    """The shifted equations of a small compiled system, solved by the inverse matrix."""
+    """The solver of (I - shift J) x = b for a small compiled system, by the inverse matrix."""
 
     @njit(FACTORISE)
     def factorise(phase, state, parameters, shift, constants, layout, work, factors):  # type: ignore[no-untyped-def]
@@ -111,7 +111,7 @@ def _invert(matrix, out):  # type: ignore[no-untyped-def]
 
 @kernel(SOLVE)
 def _solve_dense(factors, constants, layout, work, lanes):  # type: ignore[no-untyped-def]
-    """lanes = factors lanes, of the inverse matrix."""
+    """lanes = factors @ lanes; ``factors`` hold the inverse matrix."""
     size = lanes.shape[0] // LANES
     inverse, right = factors.reshape((size, size)), lanes.copy().reshape((size, LANES))
     solution = lanes.reshape((size, LANES))

@@ -1,5 +1,7 @@
 """The map over one period, phi: s(0) -> s(T), with its derivatives applied to blocks of columns.
 
+The derivative with the state is the monodromy matrix M; tau1 = tau / T.
+
 Stroboscopic formulation: T = 2 pi period_multiple / omega is known and the phase is that of the forcing.
 Autonomous formulation: T is unknown; a forced system is extended by the oscillator of Eq. 17.
 """
@@ -19,7 +21,7 @@ from pipelines.orbits.system import DynamicalSystem, Matrix, Vector, size_of
 
 
 class Formulation(StrEnum):
-    """Whether the period is that of the forcing, or an unknown (Eq. 17-19)."""
+    """Whether the period is that of the forcing or an unknown (Eq. 17-19)."""
 
     STROBOSCOPIC = "stroboscopic"
     AUTONOMOUS = "autonomous"
@@ -27,7 +29,10 @@ class Formulation(StrEnum):
 
 @dataclass(frozen=True)
 class Inhomogeneity:
-    """The forcing of an inhomogeneous column: d/dparameter and the growth of T with the column's variable."""
+    """A column of derivatives of the map with a variable lambda: a parameter, the period, or both.
+
+    ``parameter``: index of the parameter that is lambda, -1 for none; ``period_rate``: dT/dlambda.
+    """
 
     parameter: int = -1
     period_rate: float = 0.0
@@ -38,7 +43,7 @@ class PhaseReference:
     """A cycle that fixes the phase of its neighbours: F = integral of <s - s_ref, g> over tau1 is zero.
 
     ``gradient`` (samples, size) is g, ds_ref/dtau1 divided by its root mean square over the orbit, so that F
-    is the way along the orbit in the unit of the state; ``offset`` is the functional of the reference itself.
+    is the shift along the orbit in the unit of the state; ``offset`` is the integral of <s_ref, g>.
     """
 
     gradient: Matrix
@@ -52,7 +57,7 @@ class PhaseReference:
 
 
 class OrbitStart(NamedTuple):
-    """All that an orbit depends on: ``state`` (size,), ``parameters`` (p,), the period and its time steps."""
+    """All that determines an orbit: ``state`` (size,), ``parameters`` (p,), period and number of steps."""
 
     state: Vector
     parameters: Vector
@@ -64,11 +69,11 @@ class OrbitStart(NamedTuple):
 class PeriodImage:
     """What one pass over the period returns.
 
-    ``state`` (size,), ``columns`` (size, m): M applied to the block; ``inhomogeneous`` (size, k): derivatives
-    of the map; ``orbit`` (samples, size) at tau1 = k/samples; ``phase``, ``phase_columns`` (m,),
-    ``phase_inhomogeneous`` (k,): the phase condition and its derivatives, zero without a reference;
-    ``finite`` is False when the orbit diverged.  ``factors`` of the stages, up to 256 MiB, are there where
-    they were asked for: an image that is kept should be ``without_factors``.
+    ``state`` (size,): phi(state) at the end; ``columns`` (size, m): M applied to the block;
+    ``inhomogeneous`` (size, k): derivatives of the map; ``orbit`` (samples, size) at tau1 = k/samples;
+    ``phase``, ``phase_columns`` (m,), ``phase_inhomogeneous`` (k,): the phase condition and its derivatives,
+    zero without a reference; ``finite`` is False when the orbit diverged.  ``factors`` of the implicit
+    stages, up to 256 MiB, are present only on request: store an image ``without_factors``.
     """
 
     start: OrbitStart
@@ -83,7 +88,7 @@ class PeriodImage:
     factors: Matrix | None = None
 
     def without_factors(self) -> PeriodImage:
-        """The same image, free of what only further columns need."""
+        """The same image without the factors, which only further columns need."""
         return replace(self, factors=None)
 
 
@@ -91,10 +96,11 @@ class PeriodImage:
 class PeriodMap:
     """One period of a system with one stepper.
 
-    ``period_multiple``: forcing periods in the cycle (2 follows the branch born at a period doubling);
-    ``samples``: equally spaced phases at which the orbit is returned; ``minimum_steps``: of an explicit
-    stepper in a forcing period, ``steps_per_period``: fixed number, both for ``orbits.time_steps``.  Raises
-    ValueError for counts below one or a stroboscopic map of an autonomous system.
+    ``period_multiple``: forcing periods in the cycle (2 on the branch born at a period doubling);
+    ``samples``: equally spaced phases at which the orbit is returned.  ``orbits.time_steps`` reads
+    ``minimum_steps``, the fewest steps of an explicit stepper in a forcing period, and ``steps_per_period``,
+    a fixed number of steps or None.  Raises ValueError for counts below one, a stroboscopic map of an
+    autonomous system, or an implicit stepper with a system that cannot solve its equations.
     """
 
     system: DynamicalSystem
@@ -133,8 +139,9 @@ class PeriodMap:
         return self.system.size + (2 if self.extended else 0)
 
     def extend(self, state: Vector) -> Vector:
-        """A state of the system at phase zero as a state of this map: with (sin 0, cos 0) appended if
-        extended.
+        """A state of the system at phase zero as a state of this map.
+
+        An extended map appends the oscillator's state (sin 0, cos 0).
         """
         return np.concatenate([state, [0.0, 1.0]]) if self.extended else np.array(state, dtype=float)
 
@@ -145,8 +152,9 @@ class PeriodMap:
         return 2.0 * math.pi * self.period_multiple / float(parameters[self.system.forcing])
 
     def parameter_column(self, parameter: int, parameters: Vector) -> Inhomogeneity:
-        """The column d phi/d parameter, with T'(omega) = -T/omega for the forcing frequency of a known
-        period.
+        """The column d phi/d parameter.
+
+        If the period is that of the forcing, its frequency omega also changes T: dT/domega = -T/omega.
         """
         if self.autonomous or parameter != self.system.forcing:
             return Inhomogeneity(parameter)
@@ -165,8 +173,8 @@ class PeriodMap:
     ) -> PeriodImage:
         """phi(state), M @ columns, the inhomogeneous columns and the phase condition in one pass.
 
-        ``keep_factors``: for further columns along the orbit, see ``with_columns``.  With an explicit stepper
-        ``steps`` must be a multiple of ``samples``, as ``rounded_steps`` are; ValueError otherwise.
+        ``keep_factors``: for further columns along the orbit, see ``with_columns``.  Raises ValueError if the
+        stepper is explicit and ``steps`` is not a multiple of ``samples`` (see ``rounded_steps``).
         """
         if not isinstance(self.stepper, ImplicitStepper) and steps % self.samples:
             raise ValueError(f"steps is {steps}; it must be a multiple of the {self.samples} samples")
@@ -195,11 +203,10 @@ class PeriodMap:
     def with_columns(
         self, image: PeriodImage, columns: Matrix, reference: PhaseReference | None = None
     ) -> PeriodImage:
-        """The image with M @ ``columns`` and their part of the phase condition in the place of its columns.
+        """The image of the same orbit with M @ ``columns`` and their derivatives of the phase condition.
 
-        Along the factors of the image this costs a fraction of a pass, with the bits of one.  Without them it
-        is a pass, and the new image has its factors where an orbit can keep them: with an implicit stepper
-        and no oscillator.
+        If the image has factors, this costs a fraction of a pass and gives the same bits.  Otherwise it is a
+        pass, and the new image has factors if the stepper is implicit and the map is not extended.
         """
         if image.factors is None:
             passed = self.evaluate(*image.start, columns, (), reference, keep_factors=True)
@@ -246,20 +253,20 @@ class PeriodMap:
         )
 
     def phase_reference(self, orbit: Matrix, parameters: Vector, period: float) -> PhaseReference:
-        """The phase condition that an orbit (samples, size) imposes on its neighbours."""
+        """The phase condition that an orbit (samples, size) sets for neighbouring orbits."""
         slope = np.empty_like(orbit)
         for k, state in enumerate(orbit):
             slope[k] = period * self._rates(k, state, parameters)
         return PhaseReference.of(orbit, slope)
 
     def scale(self, orbit: Matrix) -> float:
-        """The size of the system's states on an orbit (samples, size), to which errors are relative."""
+        """The largest state of the system on an orbit (samples, size): errors are relative to it."""
         return size_of(orbit[:, : self.system.size])
 
     def residual(self, state: Vector, image: PeriodImage) -> float:
-        """Largest entry of phi(s) - s, or the phase, relative to the largest entry on the orbit.
+        """Largest entry of phi(s) - s and of the phase condition, relative to ``scale``.
 
-        The oscillator of Eq. 17 has no unit: its entries are measured by themselves.
+        The entries of the oscillator of Eq. 17, which are of order one, count as they are.
         """
         mismatch, size = np.abs(image.state - state), self.system.size
         scale = self.scale(image.orbit)

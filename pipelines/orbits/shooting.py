@@ -34,6 +34,7 @@ from pipelines.orbits.floquet import (
     starting_basis,
 )
 from pipelines.orbits.period_map import Inhomogeneity, OrbitStart, PeriodImage, PeriodMap, PhaseReference
+from pipelines.orbits.solving import solve_or_none
 from pipelines.orbits.system import Matrix, Vector, size_of
 from pipelines.orbits.vectors import Combination, Constraint
 
@@ -257,7 +258,7 @@ def correct(
             return ended(NewtonStop.NON_FINITE)
         residuals.append(max(problem.period_map.residual(unknowns.state, image), constraint.error(unknowns)))
         if residuals[-1] <= options.tolerance:
-            cycle = _settled(problem, unknowns, basis, image, reference, residuals[-1])
+            cycle = _with_converged_multipliers(problem, unknowns, basis, image, reference, residuals[-1])
             return ended(NewtonStop.CONVERGED, replace(cycle, linear=linear))
         if residuals[-1] > _DIVERGENCE * min(residuals):
             return given_up(NewtonStop.DIVERGED)
@@ -439,11 +440,8 @@ def _solve_bordered(
     closing = np.concatenate([row.state @ linear.basis, direct])
     matrix = np.insert(matrix, columns, closing, axis=0)
     right = np.insert(right, columns, -gap - row_picard[0])
-    try:
-        solution = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return None
-    return _as_unknowns(problem, linear, solution, 1.0) if np.all(np.isfinite(solution)) else None
+    solution = solve_or_none(matrix, right)
+    return None if solution is None else _as_unknowns(problem, linear, solution, 1.0)
 
 
 def _cycle_rows(problem: CycleProblem, linear: Linearisation, phase: float) -> tuple[Matrix, Vector]:
@@ -475,7 +473,7 @@ def _next_basis(image: Matrix) -> Matrix:
     return np.eye(image.shape[0]) if image.shape[0] == image.shape[1] else orthonormal(image)
 
 
-def _settled(
+def _with_converged_multipliers(
     problem: CycleProblem,
     unknowns: Unknowns,
     basis: Matrix,

@@ -1,4 +1,4 @@
-"""What the engine knows of a problem: right-hand side, Jacobian action, parameters."""
+"""Dynamical systems: right-hand side, action of the Jacobian, parameters."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-_NOTHING = 1e-12  # size below which numbers are zero but for rounding, whatever their unit
+_NOTHING = 1e-12  # smaller numbers are rounding errors of zero, whatever their unit
 
 
 def size_of(values: Vector | float) -> float:
-    """The size that errors of these values are relative to: the largest modulus, or one if all are zero."""
+    """The size to which errors of these values are relative: the largest modulus, or one if all are zero."""
     largest = float(np.max(np.abs(values)))
     return largest if largest > _NOTHING else 1.0
 
 
 @dataclass(frozen=True)
 class ShiftedSolver:
-    """Solves (I - shift J) x = b: compiled functions of the types FACTORISE and SOLVE of
-    ``pipelines.machine.kernels``, and the number of doubles that the factors take.
+    """Solves (I - shift J) x = b, the linear systems of implicit steppers.
+
+    ``factorise`` and ``solve`` are compiled functions of the types FACTORISE and SOLVE of
+    ``pipelines.machine.kernels``; ``factors_size`` is the number of doubles that the factors take.
     """
 
     factorise: Callable[..., None]
@@ -38,9 +40,10 @@ class DynamicalSystem:
 
     ``rates`` and ``tangent`` follow the signatures RATES and TANGENT of ``pipelines.machine.kernels``:
     compiled functions of exactly these types (``compiled=True``) or Python callables with the same arguments.
-    ``forcing`` is the index of the parameter which is the angular frequency of the forcing, so that the
-    period is 2 pi / parameters[forcing]; ``None`` marks an autonomous system.  ``shifted``, with which
-    implicit steppers work, is for compiled systems only.
+    Both receive ``constants``, ``layout`` and ``work_size`` doubles of scratch space.  ``forcing`` is the
+    index of the parameter which is the angular frequency of the forcing, so that the period is
+    2 pi / parameters[forcing]; ``None`` marks an autonomous system.  Implicit steppers need ``shifted``,
+    which only compiled systems may have.
 
     Raises ValueError when the size is not positive, a parameter name is repeated, ``forcing`` is out of
     range or ``shifted`` is given for Python callables.
@@ -98,7 +101,7 @@ def ode_system(
     *,
     action: Callable[[float, Vector, Matrix, Vector], Any] | None = None,
 ) -> DynamicalSystem:
-    """Make a system of ordinary Python callables.
+    """Make a system from ordinary Python callables.
 
     ``rates(phase, s, parameters)`` returns f, shape (size,).  Give either ``jacobian(phase, s, parameters)``
     returning df/ds, shape (size, size), or ``action(phase, s, block, parameters)`` returning df/ds @ block.

@@ -89,8 +89,7 @@ def _first_stable_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonS
     Starting with what is stable at the first state, and increased until they are.
     """
     period_map, start = problem.period_map, problem.orbit_start(problem.consistent(guess), 1)
-    steps = _stable_along(period_map, np.ascontiguousarray(start.state[None, :]), start)
-    reached = -1
+    steps, reached = steps_stable_at(problem, guess), -1
     while steps <= MOST_STEPS:
         image = period_map.evaluate(*start._replace(steps=steps))
         known = image.orbit[np.all(np.isfinite(image.orbit), axis=1)]
@@ -104,6 +103,12 @@ def _first_stable_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonS
             return steps
         reached, steps = len(known), 2 * steps
     return NewtonStop.TOO_STIFF
+
+
+def steps_stable_at(problem: CycleProblem, guess: Unknowns) -> int:
+    """Steps per period at which an explicit stepper is stable at the first state of a guess."""
+    start = problem.orbit_start(problem.consistent(guess), 1)
+    return _stable_along(problem.period_map, np.ascontiguousarray(start.state[None, :]), start)
 
 
 def stable_steps(period_map: PeriodMap, radius: float, period: float) -> int:

@@ -396,8 +396,8 @@ def test_every_free_worker_gets_a_case_of_its_own(tmp_path: Path) -> None:
     run._assign({"first", "second"})
     expected = [campaign.task("linearize", case, tmp_path) for case in cases[:2]]
     assert handed_out == [(["first"], expected[0]), (["second"], expected[1])]
-    assert [chain.case for chain in run.waiting] == cases[2:]
-    assert [run.running[name].chain.case for name in ("first", "second")] == cases[:2]
+    assert [chain.named for chain in run.waiting] == cases[2:]
+    assert [run.running[name].chain.named for name in ("first", "second")] == cases[:2]
 
 
 def test_the_port_of_dashboards_stays_free() -> None:

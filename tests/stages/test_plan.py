@@ -154,7 +154,6 @@ def test_a_refined_point_takes_a_part_of_every_grid(monkeypatch: pytest.MonkeyPa
     assert Durations().of_torus(case) == durations.PASSES_PER_ANGLE * FEWEST_ANGLES * 16.0
 
 
-@pytest.mark.slow
 def test_an_explicit_stepper_that_needs_very_many_steps_is_measured_on_few() -> None:
     case = tiny_case("numerics.stepper='rk4'", "bearings.foil.loss_factor=1e-5")
     assert Durations().of_cycle(case.case) > Durations().of_cycle(tiny_case().case)

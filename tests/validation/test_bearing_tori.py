@@ -9,7 +9,7 @@ from pipelines.bifurcations.arclength import continue_branch
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.tori.fourier import interpolated
 from pipelines.bifurcations.tori.problem import FourierOptions
-from pipelines.bifurcations.tori.stability import settled_spectrum
+from pipelines.bifurcations.tori.stability import converged_spectrum
 from pipelines.bifurcations.tori.start import torus_from_event
 from pipelines.machine.assembly import build_machine
 from pipelines.orbits.shooting import CycleProblem
@@ -52,7 +52,7 @@ def test_born_torus_against_simulation(instability: tuple[CycleProblem, Event]) 
         assert born is not None
         assert born.direction == 1
         assert born.correction.torus is not None
-        torus, spectrum = settled_spectrum(born.problem, born.correction.torus)
+        torus, spectrum = converged_spectrum(born.problem, born.correction.torus)
         at = torus.unknowns
         distances.append(at.parameter - event.parameters[problem.index])
         assert spectrum.complete

@@ -12,7 +12,7 @@ from pipelines.bifurcations.tori.fourier import interpolated
 from pipelines.bifurcations.tori.invariant_curve import Torus, correct_torus
 from pipelines.bifurcations.tori.problem import FourierOptions, TorusProblem, TorusUnknowns, fixed_parameter
 from pipelines.bifurcations.tori.slow_bases import constant_bases
-from pipelines.bifurcations.tori.stability import settled_spectrum
+from pipelines.bifurcations.tori.stability import converged_spectrum
 from pipelines.machine.assembly import Machine, build_machine
 from pipelines.machine.unbalance import UNBALANCE, UnbalanceMass, unbalance_acceleration
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
@@ -88,7 +88,7 @@ def test_a_run_in_time_stays_on_the_torus_and_comes_back_to_it() -> None:
     """
     machine, problem, cycle = balanced(0.2)
     tori, found = torus(machine, problem, cycle, 1.0)
-    found, spectrum = settled_spectrum(tori, found)
+    found, spectrum = converged_spectrum(tori, found)
     at, angle = found.unknowns, 0.7
     first = interpolated(at.states, np.array([angle]))[0]
     assert np.abs(at.states - cycle.unknowns.state).max() > 0.01, "the unbalance must be felt"

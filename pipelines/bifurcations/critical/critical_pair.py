@@ -21,6 +21,7 @@ from pipelines.bifurcations.critical.critical_cycles import (
     basis_error,
 )
 from pipelines.orbits.floquet import Complex
+from pipelines.orbits.solving import solve_or_none
 from pipelines.orbits.system import Matrix
 
 _PAIR_ITERATIONS = 12  # they cost no passes
@@ -80,11 +81,8 @@ def _pair_in_basis(passed: CriticalPass, fixed: Matrix) -> tuple[Matrix, Matrix]
         system[:size, size:] = -np.kron(basis.T @ vectors, np.eye(2))
         system[size:, :size] = np.kron(constraint, np.eye(2))
         right = np.concatenate([-defect.ravel(), (normal - fixed.T @ vectors).ravel()])
-        try:
-            solution = np.linalg.solve(system, right)
-        except np.linalg.LinAlgError:
-            return None
-        if not np.all(np.isfinite(solution)):
+        solution = solve_or_none(system, right)
+        if solution is None:
             return None
         change = solution[:size].reshape(columns, 2)
         vectors, mapped = vectors + basis @ change, mapped + passed.linear.image.columns @ change

@@ -25,6 +25,7 @@ import numpy as np
 
 from pipelines.bifurcations.plane import MapAt, PlaneMetric, Position
 from pipelines.orbits.period_map import PeriodImage
+from pipelines.orbits.solving import solve_or_none
 from pipelines.orbits.system import Matrix, Vector
 
 RESIDUAL_TOLERANCE = 1e-3  # of the Picard part of a residual, relative to the residual
@@ -205,11 +206,8 @@ def manifold_step(
         constraint[i] = np.concatenate([row.state @ basis, direct + row.state @ picard[:, 1:]])
         sides[given + i, 0] = -gaps[i] - row.state @ picard[:, 0]
         sides[given + i, 1 + i] = 1.0
-    try:
-        solution = np.asarray(np.linalg.solve(np.vstack([matrix, constraint]), sides), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return None
-    if not np.all(np.isfinite(solution)):
+    solution = solve_or_none(np.vstack([matrix, constraint]), sides)
+    if solution is None:
         return None
     return ManifoldStep(
         position_of(linear, solution[:, 0], True),

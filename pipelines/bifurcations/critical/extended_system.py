@@ -46,6 +46,7 @@ from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import MapAt, PlaneMetric, map_slopes
 from pipelines.orbits.shooting import NewtonStop
+from pipelines.orbits.solving import solve_or_none
 from pipelines.orbits.system import Matrix, Vector
 
 
@@ -198,8 +199,4 @@ def _solve_slow(
         system[size + i, :size] = (basis.T @ row).T.ravel()
         system[size + i, size:] = [float(np.sum(row * part)) for part in picard_parts[1:]]
         right[size + i] = value - float(np.sum(row * picard_parts[0]))
-    try:
-        solution = np.linalg.solve(system, right)
-    except np.linalg.LinAlgError:
-        return None
-    return np.asarray(solution) if np.all(np.isfinite(solution)) else None
+    return solve_or_none(system, right)

@@ -33,6 +33,7 @@ from pipelines.bifurcations.critical.critical_cycles import (
 from pipelines.bifurcations.critical.critical_pair import invariant_pair
 from pipelines.bifurcations.critical.cycle_manifold import ManifoldLinearisation
 from pipelines.bifurcations.detection import EventKind
+from pipelines.orbits.solving import solve_or_none
 from pipelines.orbits.system import Matrix
 
 
@@ -53,12 +54,9 @@ def _bordered(passed: CriticalPass, bordering: BorderingVectors) -> Critical | N
     old = passed.vectors
     rest = np.append(basis.T @ (passed.defect + picard.image), passed.phase_defect + picard.phase[0])[:size]
     gap = bordering.right @ (old.columns + picard.columns)[:, 0] + bordering.right_period * old.period - 1.0
-    try:
-        update = np.linalg.solve(system, -np.append(rest, gap))
-        left = np.linalg.solve(system.T, np.append(np.zeros(size), 1.0))
-    except np.linalg.LinAlgError:
-        return None
-    if not (np.all(np.isfinite(update)) and np.all(np.isfinite(left))):
+    update = solve_or_none(system, -np.append(rest, gap))
+    left = solve_or_none(system.T, np.append(np.zeros(size), 1.0))
+    if update is None or left is None:
         return None
     vector = old.columns[:, 0] + basis @ update[:columns] + picard.columns[:, 0]
     period = None

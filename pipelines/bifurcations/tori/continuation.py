@@ -45,7 +45,7 @@ from pipelines.bifurcations.tori.problem import (
     metric_of,
 )
 from pipelines.bifurcations.tori.slow_bases import SlowBases
-from pipelines.bifurcations.tori.stability import TorusSpectrum, settled_spectrum
+from pipelines.bifurcations.tori.stability import TorusSpectrum, converged_spectrum
 from pipelines.bifurcations.tori.torus import (
     TorusOptions,
     TorusPoint,
@@ -151,7 +151,7 @@ class _Tori(Tracer[TorusState, _Step]):
             return Rejected(_roughness(problem, torus))
         if _collapsed(problem, torus.unknowns, guess):
             return Rejected(TorusStop.COLLAPSED.advice)
-        torus, spectrum = settled_spectrum(problem, torus)
+        torus, spectrum = converged_spectrum(problem, torus)
         row = TorusUnknowns(np.zeros_like(torus.unknowns.states), 0.0, float(options.direction))
         tangent = torus_tangent(problem, torus, row, _reference(problem, torus.unknowns))
         if tangent is None:
@@ -191,7 +191,7 @@ class _Tori(Tracer[TorusState, _Step]):
         message = refusal(metric, tangent_before, chord, tangent, rule, segment.missed_at)
         if message is not None:
             return Rejected(message)
-        torus, spectrum = settled_spectrum(problem, torus)
+        torus, spectrum = converged_spectrum(problem, torus)
         point = TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms)
         return _Step(point, tangent, segment.length)
 

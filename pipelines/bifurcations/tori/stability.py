@@ -90,7 +90,7 @@ class TorusSpectrum:
         return self.complete or not bool(np.any(np.abs(self.moduli - 1.0) <= _GROWTH_ERROR))
 
 
-def settled_spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusSpectrum]:
+def converged_spectrum(problem: TorusProblem, torus: Torus) -> tuple[Torus, TorusSpectrum]:
     """The spectrum after as many further subspace iterations as its multipliers need, and the curve.
 
     The curve has the bases of the last iteration, with a new leading block.

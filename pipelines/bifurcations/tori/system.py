@@ -8,6 +8,7 @@ import numpy as np
 
 from pipelines.bifurcations.tori.fourier import Array, angles, applied, derivative, shift_matrix
 from pipelines.bifurcations.tori.problem import TorusProblem, TorusUnknowns
+from pipelines.orbits.solving import solve_or_none
 from pipelines.orbits.system import Matrix, Vector
 
 
@@ -146,11 +147,8 @@ def solve_bordered(
     if phase is not None and tails == 2:
         # g (V a + q) = -(g X - g X_ref)
         matrix[inner + 1], right[inner + 1] = _border(linear, phase.row, np.zeros(2), offset)
-    try:
-        solution = np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        return None
-    if not np.all(np.isfinite(solution)):
+    solution = solve_or_none(matrix, right)
+    if solution is None:
         return None
     weights = np.concatenate([[1.0], solution[inner:]])
     inside = linear.bases @ solution[:inner].reshape(count, width, 1)

@@ -109,7 +109,7 @@ def film_equilibrium(
 
     return damped_newton(
         lambda u: film_state(bearing, u, journal, MEAN_PHASE, still).rates,
-        lambda u: linearise_bearing(bearing, u, journal, MEAN_PHASE, still).unknowns.tocsc(),
+        lambda u: linearise_bearing(bearing, u, journal, MEAN_PHASE, still).unknowns,
         feasible,
         guess,
         options,

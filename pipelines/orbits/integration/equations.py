@@ -4,11 +4,11 @@ Eq. 17 of the paper turns a forced system into an autonomous one with two more s
 
     ds1/dtau = s1 + W s2 - s1 (s1^2 + s2^2),   ds2/dtau = -W s1 + s2 - s2 (s1^2 + s2^2)
 
-whose cycle is (sin W tau, cos W tau); then the phase is atan2(s1, s2) and the columns gain df/dphase
-dphase/ds.
+whose cycle is (sin W tau, cos W tau), with the forcing frequency W. The phase is then atan2(s1, s2), and the
+Jacobian has the additional term df/dphase dphase/ds.
 
-The functions that call ``rates`` are compiled with the loops that call them, and run as they are where
-``rates`` is a plain function (``system.ode_system``).
+The functions that call ``rates`` are compiled with the loops that call them, and run as plain Python if
+``rates`` is a Python function (``system.ode_system``).
 """
 
 from __future__ import annotations
@@ -32,8 +32,9 @@ _CHUNK = 1024  # values; keeps the running sum of a stage in the first-level cac
 
 
 class Equations(NamedTuple):
-    """f = ``rates`` and what it reads; ``oscillator``: index of the forcing frequency when the last two
-    states are those of Eq. 17, else -1.
+    """The right-hand side f = ``rates`` and the arrays that it reads.
+
+    ``oscillator``: index of the forcing frequency if the last two states are those of Eq. 17, else -1.
     """
 
     parameters: Any
@@ -63,7 +64,7 @@ def combine(out, base, factor, weights, count, slopes):  # type: ignore[no-untyp
 
 @kernel(types.void(_VECTOR, _FLOAT, _VECTOR))
 def oscillator_rates(state, frequency, out):  # type: ignore[no-untyped-def]
-    """Eq. 17 in the last two entries."""
+    """Write the rates of the two states of Eq. 17 into the last two entries of ``out``."""
     n = state.shape[0] - 2
     s1, s2 = state[n], state[n + 1]
     radius = s1 * s1 + s2 * s2
@@ -73,7 +74,7 @@ def oscillator_rates(state, frequency, out):  # type: ignore[no-untyped-def]
 
 @kernel(types.void(_VECTOR, _MATRIX, _FLOAT, _VECTOR, _MATRIX))
 def oscillator_tangent(state, block, frequency, by_phase, out):  # type: ignore[no-untyped-def]
-    """Add df/dphase dphase to the rows of the machine and write the two rows of Eq. 17."""
+    """Add df/dphase dphase to the rows of the system and write the two rows of Eq. 17."""
     n = state.shape[0] - 2
     s1, s2 = state[n], state[n + 1]
     radius = s1 * s1 + s2 * s2
@@ -88,20 +89,20 @@ def oscillator_tangent(state, block, frequency, by_phase, out):  # type: ignore[
 
 @register_jitable
 def system_size(state, oscillator):  # type: ignore[no-untyped-def]
-    """States of the system itself."""
+    """Number of states of the system, without those of the oscillator."""
     return state.shape[0] - 2 if oscillator >= 0 else state.shape[0]
 
 
 @register_jitable
 def phase_at(state, oscillator, forced):  # type: ignore[no-untyped-def]
-    """The phase of the forcing: that of the oscillator of Eq. 17 if there is one."""
+    """The phase of the forcing: that of the oscillator of Eq. 17 if there is one, else ``forced``."""
     n = state.shape[0]
     return np.arctan2(state[n - 2], state[n - 1]) if oscillator >= 0 else forced
 
 
 @register_jitable
 def rates_at(equations, phase, state, out):  # type: ignore[no-untyped-def]
-    """Rates of the system and of the oscillator."""
+    """Write the rates of the system and of the oscillator into ``out``."""
     parameters, constants, layout, work, oscillator, rates = equations
     n = system_size(state, oscillator)
     rates(phase, state[:n], parameters, constants, layout, work, out[:n])
@@ -111,7 +112,7 @@ def rates_at(equations, phase, state, out):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def phase_slope(equations, phase, state, trial, out):  # type: ignore[no-untyped-def]
-    """df/dphase by the five-point formula into ``out``; zero without an oscillator."""
+    """Write df/dphase, by the five-point formula, into ``out``; zero without an oscillator."""
     parameters, constants, layout, work, oscillator, rates = equations
     n = system_size(state, oscillator)
     out[:] = 0.0
@@ -125,7 +126,7 @@ def phase_slope(equations, phase, state, trial, out):  # type: ignore[no-untyped
 
 @register_jitable
 def inhomogeneous_terms(equations, phase, state, parameter, growth, slope, trial, out):  # type: ignore[no-untyped-def]
-    """df/dlambda + (dT/dlambda) f / T of one column into ``out``.
+    """Write df/dlambda + (dT/dlambda) f / T of one column into ``out``.
 
     ``parameter``: the index of lambda, -1 for none; ``growth``: (dT/dlambda) / T; ``slope``: f.
     """

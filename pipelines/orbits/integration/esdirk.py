@@ -13,12 +13,13 @@ A stage is solved by Newton's method,
 
     (I - h g J) d = R_i + h g f(S_i) - S_i,    S_i <- S_i + d,    until d is rounding
 
-from a guess R_i + h g K, with K extrapolated from the slopes of the last step and of this one, and with the
-factors of an earlier stage as long as they contract.  Its slope follows from its equation,
+from a guess R_i + h g K, with K extrapolated from the slopes of the last step and of this one.  The factors
+of an earlier stage are used as long as the method contracts fast.  The slope of a stage follows from its
+equation,
 
     K_i = (S_i - R_i) / (h g)
 
-because f(S_i) would multiply what Newton's method has left by the stiffness of the film.
+because f(S_i) would multiply the remaining error of Newton's method by the stiffness of the film.
 
 A column y is the derivative of all this.  With J_i = J(S_i) at the solved stages:
 
@@ -26,11 +27,11 @@ A column y is the derivative of all this.  With J_i = J(S_i) at the solved stage
     (I - h g J_2) Y_2 = R'_2 = y + h a_21 K'_1,                       K'_2 = (Y_2 - R'_2) / (h g)
     (I - h g J_3) Y_3 = R'_3 = y + h (a_31 K'_1 + a_32 K'_2),         Y_3 is the new column
 
-One factorisation in a stage serves all columns, each of which costs one solve, and begins Newton's method in
-the next stage.  An inhomogeneous column has h g (df/dlambda + (dT/dlambda) f / T) on its right-hand side too.
-Between s and S_3 orbit and columns are cubic Hermite polynomials of values and slopes.
+One factorisation in a stage serves all columns, each of which costs one solve, and the first iterations of
+Newton's method in the next stage.  An inhomogeneous column has h g (df/dlambda + (dT/dlambda) f / T) on its
+right-hand side too.  Between s and S_3 orbit and columns are interpolated by cubic Hermite polynomials.
 
-A part B(tau) of f that does not depend on the state, such as a force of unbalance, is called the load.
+The part of f that does not depend on the state, such as an unbalance force, is called the load.
 
 Columns stand in chunks of LANES: ``lanes`` (chunks, n * LANES) holds the rows of a chunk one after another.
 Scratch space of a step with n states, of the system or with those of Eq. 17, and s stages:
@@ -63,14 +64,14 @@ from pipelines.orbits.integration.equations import (
 _FLOAT = types.float64
 _VECTOR = types.float64[::1]
 
-_STAGE_ERROR = 1e-13  # of a solved stage, relative to max(1, largest entry): far below every tolerance above
+_STAGE_ERROR = 1e-13  # of a stage, relative to max(1, largest entry): far below all tolerances of orbits
 _SLOW = 0.3  # contraction of Newton's method above which the matrix is factored anew
 _NEWTON_ITERATIONS = 40
-_VECTORS = 5  # of the scratch space beside the slopes
+_VECTORS = 5  # right, stage, load, trial and term of the scratch space
 
 
 class Method(NamedTuple):
-    """Tableau and predictor of ``ImplicitStepper``, and what solves the linear equations of its stages."""
+    """Tableau and predictor of ``ImplicitStepper``, and the solver of the linear equations of its stages."""
 
     a: Any
     predictor: Any
@@ -79,8 +80,10 @@ class Method(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Scratch space of an orbit's step: Newton's correction d, slopes of the last step and of this one, R_i,
-    S_i, the load, and two vectors for what is passing.
+    """Scratch space of an orbit's step.
+
+    Newton's correction d, slopes of the last step and of this one, R_i, S_i, the load, and two vectors for
+    temporary values.
     """
 
     correction: Any
@@ -93,8 +96,9 @@ class Step(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Columns at the begin of a step, the slopes of its stages, and Y of the stage at hand: after the last
-    stage the new columns.
+    """Columns at the beginning of a step, slopes of its stages, and Y of the current stage.
+
+    After the last stage, Y are the new columns.
     """
 
     lanes: Any
@@ -103,7 +107,7 @@ class Columns(NamedTuple):
 
 
 def aligned(count: int) -> NDArray[np.float64]:
-    """Zeros that begin on a line of the cache, so that no row of lanes straddles two."""
+    """Zeros that begin on a cache line, so that no row of lanes straddles two."""
     values = np.zeros(count + LANES)
     first = -(values.ctypes.data // values.itemsize) % LANES
     return values[first : first + count]
@@ -122,7 +126,7 @@ def columns_space_size(size: int, chunks: int, stages: int) -> int:
 
 @kernel()
 def step_views(space, size, oscillator, stages):  # type: ignore[no-untyped-def]
-    """The scratch space of an orbit's step; without a load until one is put there."""
+    """The scratch space of an orbit's step, with a load of zero."""
     own = size - 2 if oscillator >= 0 else size
     end = step_space_size(size, stages)
     vectors = space[LANES * size : end].reshape((2 * stages + _VECTORS, size))
@@ -144,7 +148,7 @@ def columns_views(lanes, space, stages):  # type: ignore[no-untyped-def]
 
 @kernel()
 def start_orbit(equations, phase, state, step):  # type: ignore[no-untyped-def]
-    """The slope at the start as that of every stage of a step before it."""
+    """Initialise the slopes of the last step: all of them are the slope at the start."""
     rates_at(equations, phase, state, step.trial)
     stages = step.slopes.shape[0] // 2
     for i in range(stages, 2 * stages):
@@ -170,7 +174,7 @@ def _oscillator_matrix(s1, s2, weight, frequency):  # type: ignore[no-untyped-de
 
 @kernel()
 def begin_step(step):  # type: ignore[no-untyped-def]
-    """This step becomes the last one; its last slope is the first of the next."""
+    """Make the slopes of this step those of the last one; its last slope is the first of the new step."""
     stages = step.slopes.shape[0] // 2
     for i in range(stages):
         step.slopes[i] = step.slopes[stages + i]
@@ -179,10 +183,10 @@ def begin_step(step):  # type: ignore[no-untyped-def]
 
 @kernel()
 def solve_stage(equations, method, h, i, forced, state, factored, factors, step):  # type: ignore[no-untyped-def]
-    """S_i into ``step.stage`` and K_i among the slopes; False if Newton's method fails.
+    """Write S_i into ``step.stage`` and K_i into the slopes; False if Newton's method fails.
 
-    ``forced``: the phase without an oscillator; ``factored``: the factors are those of an earlier stage. They
-    are renewed when they contract slowly.
+    ``forced``: the phase of the forcing, which an oscillator replaces by its own; ``factored``: use the
+    factors of an earlier stage, which are renewed when Newton's method contracts slowly.
     """
     a, right, stage = method.a, step.right, step.stage
     stages, weight = a.shape[0], h * a[i, i]
@@ -220,7 +224,7 @@ def _newton(equations, method, phase, weight, factored, factors, step):  # type:
             stage[i] += line[i * LANES]
             update = max(update, abs(line[i * LANES]))
             size = max(size, abs(stage[i]))
-            total += abs(stage[i])  # a maximum passes over what is no number
+            total += abs(stage[i])  # max() ignores NaN
         if not np.isfinite(total):
             return False
         contraction = update / last if since > 0 else 1.0
@@ -233,8 +237,9 @@ def _newton(equations, method, phase, weight, factored, factors, step):  # type:
 
 @kernel(types.void(_VECTOR, _FLOAT, _FLOAT, _VECTOR))
 def _oscillator_stage(right, weight, frequency, stage):  # type: ignore[no-untyped-def]
-    """The last two entries of a stage: Newton's method on Eq. 17, S = R + weight g(S), from the entries of
-    ``stage``.
+    """Solve Eq. 17 for the last two entries of a stage by Newton's method, S = R + weight g(S).
+
+    The entries of ``stage`` are the guess.
     """
     n = stage.shape[0] - 2
     for _ in range(_NEWTON_ITERATIONS):
@@ -251,12 +256,12 @@ def _oscillator_stage(right, weight, frequency, stage):  # type: ignore[no-untyp
 
 @kernel()
 def start_columns(equations, tangent, growth, phase, state, step, columns):  # type: ignore[no-untyped-def]
-    """Slopes of the columns at the start, where no stage has left them.
+    """Compute the slopes of the columns at the start, where there is no earlier stage.
 
     ``growth`` = (parameter of each column or -1, dT/dlambda of each, T).
     """
     parameters, constants, layout, work, oscillator, _ = equations
-    size, n, started = state.shape[0], system_size(state, oscillator), columns.stages  # not yet in use
+    size, n, started = state.shape[0], system_size(state, oscillator), columns.stages  # free at the start
     phase_slope(equations, phase, state, step.trial, step.term)
     for chunk in range(started.shape[0]):
         block, out = columns.lanes[chunk].reshape((size, LANES)), started[chunk].reshape((size, LANES))
@@ -271,21 +276,21 @@ def start_columns(equations, tangent, growth, phase, state, step, columns):  # t
 
 @kernel()
 def begin_columns(columns):  # type: ignore[no-untyped-def]
-    """The last slopes of a step are the first of the next."""
+    """Make the last slopes of a step the first of the next."""
     for chunk in range(columns.slopes.shape[0]):
         columns.slopes[chunk, 0] = columns.slopes[chunk, columns.slopes.shape[1] - 1]
 
 
 @kernel()
 def end_columns(columns):  # type: ignore[no-untyped-def]
-    """The last stage of a step is where the next begins."""
+    """Make the last stage of a step the beginning of the next."""
     for chunk in range(columns.lanes.shape[0]):
         columns.lanes[chunk] = columns.stages[chunk]
 
 
 @kernel()
 def linearise_stage(equations, method, h, i, growth, forced, factors, step, columns):  # type: ignore[no-untyped-def]
-    """Y_i and K'_i of every column at the stage that ``solve_stage`` has left, with its factors."""
+    """Compute Y_i and K'_i of every column at the stage that ``solve_stage`` has solved, and its factors."""
     parameters, constants, layout, work, oscillator, _ = equations
     a, _, factorise, solve = method
     stage, weight, n = step.stage, h * a[i, i], system_size(step.stage, oscillator)
@@ -303,7 +308,7 @@ def linearise_stage(equations, method, h, i, growth, forced, factors, step, colu
 
 @kernel()
 def right_side(columns, chunk, a, h, i):  # type: ignore[no-untyped-def]
-    """R'_i of a chunk, where Y_i and K'_i will stand."""
+    """Write R'_i of a chunk into the places of Y_i and of K'_i."""
     slopes = columns.slopes[chunk]
     combine(slopes[i], columns.lanes[chunk], h, a[i], i, slopes)
     columns.stages[chunk] = slopes[i]
@@ -311,7 +316,7 @@ def right_side(columns, chunk, a, h, i):  # type: ignore[no-untyped-def]
 
 @kernel()
 def solve_columns(equations, solve, factors, columns, chunk, n, weight, i):  # type: ignore[no-untyped-def]
-    """Y_i of a chunk and K'_i = (Y_i - R'_i) / weight, where R'_i stands."""
+    """Replace R'_i of a chunk, in its two places, by Y_i and by K'_i = (Y_i - R'_i) / weight."""
     own, slopes, per_weight = columns.stages[chunk], columns.slopes[chunk, i], 1.0 / weight
     solve(factors, equations.constants, equations.layout, equations.work, own[: n * LANES])
     for k in range(own.shape[0]):
@@ -335,7 +340,7 @@ def _oscillator_lanes(stage, weight, frequency, by_phase, lanes):  # type: ignor
 
 @kernel()
 def _add_inhomogeneous(equations, growth, weight, phase, state, slope, step, lanes):  # type: ignore[no-untyped-def]
-    """lanes += weight (df/dlambda + (dT/dlambda) f / T) in the columns that ask for it; ``slope`` is f."""
+    """lanes += weight (df/dlambda + (dT/dlambda) f / T) in the inhomogeneous columns; ``slope`` is f."""
     column_parameter, column_period, period = growth
     for j in range(column_parameter.shape[0]):
         if column_parameter[j] < 0 and column_period[j] == 0.0:
@@ -349,14 +354,14 @@ def _add_inhomogeneous(equations, growth, weight, phase, state, slope, step, lan
 
 @kernel()
 def _hermite(x, h):  # type: ignore[no-untyped-def]
-    """Weights of the values and slopes at both ends of a step, at the fraction x of it."""
+    """Hermite weights of value and slope at the beginning and at the end of a step, at the fraction x."""
     y = 1.0 - x
     return y * y * (1.0 + 2.0 * x), x * y * y * h, x * x * (1.0 + 2.0 * y), -x * x * y * h
 
 
 @kernel()
 def interpolate(x, h, state, step, first, out):  # type: ignore[no-untyped-def]
-    """The states from ``first`` at the fraction x of a step from ``state`` into ``out``."""
+    """Write the states from index ``first``, at the fraction x of a step from ``state``, into ``out``."""
     value, slope, end_value, end_slope = _hermite(x, h)
     last = step.slopes.shape[0] - 1
     begin, end = step.slopes[step.slopes.shape[0] // 2], step.slopes[last]
@@ -368,8 +373,9 @@ def interpolate(x, h, state, step, first, out):  # type: ignore[no-untyped-def]
 
 @kernel()
 def accumulate(x, h, gradient, share, point, columns, functional):  # type: ignore[no-untyped-def]
-    """functional += share <gradient, y> for y the ``point`` of the orbit and every column, at the fraction x
-    of a step.
+    """functional += share <gradient, y>, for the ``point`` of the orbit and then for every column y.
+
+    All are taken at the fraction x of a step.
     """
     for k in range(gradient.shape[0]):
         functional[0] += share * gradient[k] * point[k]

@@ -1,6 +1,6 @@
 """One period with a diagonally implicit Runge-Kutta method: orbit, tangent columns and parameter columns.
 
-A step is that of ``esdirk``.  See ``propagation`` for the meaning of the inhomogeneous columns.
+See ``esdirk`` for a step and ``propagation`` for the meaning of the inhomogeneous columns.
 """
 
 from __future__ import annotations
@@ -37,15 +37,13 @@ _INTEGERS = types.int64[::1]
 
 
 def workspace_sizes(size: int, chunks: int, stages: int) -> tuple[int, int]:
-    """Lengths of the two scratch vectors that ``propagate_implicit`` needs: for the orbit, for the
-    columns.
-    """
+    """Lengths of the scratch vectors of ``propagate_implicit``: of the orbit and of the columns."""
     return step_space_size(size, stages), columns_space_size(size, chunks, stages)
 
 
 @kernel()
 def _samples_within(step, steps, count):  # type: ignore[no-untyped-def]
-    """The first of ``count`` samples that lies in a step, and the first behind it."""
+    """The first of ``count`` samples that lies in a step, and the first one after the step."""
     return (step * count + steps - 1) // steps, ((step + 1) * count + steps - 1) // steps
 
 
@@ -61,15 +59,16 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
     steps, turn, period, oscillator, parameters, constants, layout, work, factors, state, lanes,
     column_parameter, column_period, samples, gradient, functional, orbit_space, column_space, kept,
 ):  # fmt: skip
-    """Advance ``state`` (size,) and ``lanes`` (chunks, size * LANES) in place over one period; -1, or the
-    step that failed.
+    """Advance ``state`` (size,) and ``lanes`` (chunks, size * LANES) in place over one period.
 
     ``predictor`` (stages, 2 stages): weights of the slopes of the last step and of this one that
     extrapolate to each stage.  ``samples`` (K, size) receives the orbit at tau1 = k / K, interpolated
-    within the steps by cubic Hermite polynomials; the functional (1 + columns) is summed there too.
+    within the steps by cubic Hermite polynomials; the functional (1 + columns) is summed over the samples.
     ``column_parameter`` and ``column_period`` may be shorter than the columns.  ``kept`` (steps
-    (stages - 1), len(factors)), or without rows, receives the factors with which the columns were solved.
-    Everything else as in ``propagation.propagate``.
+    (stages - 1), len(factors)) receives the factors with which the columns were solved, unless it has no
+    rows.  Everything else as in ``propagation.propagate``.
+
+    Returns -1, or the step that failed.
     """
     stages, chunks, h = a.shape[0], lanes.shape[0], period / steps
     equations = Equations(parameters, constants, layout, work, oscillator, rates)
@@ -117,9 +116,10 @@ def propagate_columns(  # type: ignore[no-untyped-def]
     rates, tangent, factorise, solve, a, steps, period, parameters, constants, layout, work, kept, state,
     lanes, samples, gradient, functional, orbit_space, column_space,
 ):  # fmt: skip
-    """Advance ``lanes`` over one period along the orbit through ``state`` that ``kept`` and ``samples`` are
-    of, for systems without the oscillator: one solve per stage and chunk, with the same bits as in
-    ``propagate_implicit``.
+    """Advance ``lanes`` over one period along the orbit from ``state``, with the factors ``kept``.
+
+    ``kept`` and ``samples`` come from ``propagate_implicit``, without the oscillator.  The columns cost one
+    solve per stage and chunk, and have the same bits as there.
     """
     stages, chunks, h = a.shape[0], lanes.shape[0], period / steps
     equations = Equations(parameters, constants, layout, work, -1, rates)

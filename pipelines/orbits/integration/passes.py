@@ -1,4 +1,4 @@
-"""One pass over a period: the arrays of the compiled loops, and how the loops are called."""
+"""One pass over a period: the arrays of the compiled loops, and their calls."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from pipelines.orbits.integration.propagation import propagate, workspace_size
 from pipelines.orbits.steppers import ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector
 
-_KEPT_BYTES = 256 * 1024**2  # of the factors of one orbit, at most
+_KEPT_BYTES = 256 * 1024**2  # largest size of the factors that are kept of one orbit
 
 
 @dataclass(frozen=True)
 class Pass:
-    """What a loop reads of the orbit and of the columns, and the arrays that it advances in place.
+    """Input of a compiled loop, and the arrays that it advances in place.
 
     ``turn``: change of the forcing's phase [rad]; ``oscillator``: index of the frequency of Eq. 17, or -1;
-    ``orbit`` (samples, size); all other shapes as in ``propagation.propagate``.
+    ``block``: the columns; ``orbit`` (samples, size); all other shapes as in ``propagation.propagate``.
     """
 
     parameters: Vector
@@ -40,7 +40,7 @@ class Pass:
 
 
 def explicit_pass(system: DynamicalSystem, stepper: Stepper, run: Pass) -> bool:
-    """Orbit and columns with an explicit stepper; False if a step failed."""
+    """Integrate orbit and columns with an explicit stepper; False if a step failed."""
     size, columns = run.block.shape
     space = np.zeros(workspace_size(size, columns, stepper.stages, len(run.parameters)))
     loop = propagate if system.compiled else propagate.py_func
@@ -56,10 +56,10 @@ def explicit_pass(system: DynamicalSystem, stepper: Stepper, run: Pass) -> bool:
 def implicit_pass(
     system: DynamicalSystem, stepper: ImplicitStepper, run: Pass, keep_factors: bool
 ) -> tuple[bool, Matrix | None]:
-    """Orbit and columns with a diagonally implicit stepper; False if a step failed.
+    """Integrate orbit and columns with a diagonally implicit stepper; False if a step failed.
 
-    The factors (stages, doubles) with which the columns were solved come with it where they were asked for
-    and ``columns_pass`` can use them: not with the oscillator, whose rows they do not hold.
+    With ``keep_factors`` it also returns the factors (stages, doubles) with which the columns were solved,
+    for ``columns_pass``; None if they take too much memory, or with the oscillator, whose rows they lack.
     """
     assert system.shifted is not None
     lines, functional = _chunked(run.block), _functional(run.block)
@@ -81,7 +81,10 @@ def implicit_pass(
 
 
 def columns_pass(system: DynamicalSystem, stepper: ImplicitStepper, run: Pass, factors: Matrix) -> None:
-    """Columns alone, along the orbit of a pass that kept its factors; ``run.orbit`` holds its samples."""
+    """Integrate columns alone along the orbit of a pass that kept its ``factors``.
+
+    ``run.orbit`` holds the samples of that orbit.
+    """
     assert system.shifted is not None
     lines, functional = _chunked(run.block), _functional(run.block)
     orbit_space, column_space = map(aligned, workspace_sizes(run.state.size, len(lines), stepper.stages))
@@ -95,7 +98,7 @@ def columns_pass(system: DynamicalSystem, stepper: ImplicitStepper, run: Pass, f
 
 
 def _chunked(block: Matrix) -> Matrix:
-    """Columns (size, m) in chunks of LANES, (chunks, size * LANES), the last one filled up with zeros."""
+    """Columns (size, m) in chunks of LANES, shape (chunks, size * LANES), the last padded with zeros."""
     size, width = block.shape
     chunks = -(-width // LANES)
     padded = np.zeros((size, chunks * LANES))
@@ -106,12 +109,12 @@ def _chunked(block: Matrix) -> Matrix:
 
 
 def _functional(block: Matrix) -> Vector:
-    """Room for the functional of the orbit and of every column in chunks."""
+    """Zeros for the functional of the orbit and of every column of the chunks."""
     return np.zeros(1 + -(-block.shape[1] // LANES) * LANES)
 
 
 def _take(run: Pass, lines: Matrix, functional: Vector) -> None:
-    """The columns of chunks, and the functional, back into a pass."""
+    """Copy the columns of the chunks, and the functional, back into a pass."""
     chunks, (size, width) = len(lines), run.block.shape
     run.block[:] = lines.reshape(chunks, size, LANES).swapaxes(0, 1).reshape(size, chunks * LANES)[:, :width]
     run.functional[:] = functional[: 1 + width]

@@ -5,9 +5,9 @@ With tau1 = tau / T in [0, 1] the orbit and a column y of the block obey
     ds/dtau1 = T f(phase, s, lambda)
     dy/dtau1 = T (J y + df/dlambda) + (dT/dlambda) f
 
-where the last two terms are present only in inhomogeneous columns.  The same Runge-Kutta step is applied to
-both, so the columns are the exact derivative of the discrete map.  df/dlambda is a central difference of f.
-The oscillator of Eq. 17 is in ``equations``.
+where the last two terms are present only in inhomogeneous columns, with lambda a parameter.  The same
+Runge-Kutta step is applied to both, so the columns are the exact derivative of the discrete map.  df/dlambda
+is a central difference of f.  See ``equations`` for the oscillator of Eq. 17.
 """
 
 from __future__ import annotations
@@ -69,15 +69,16 @@ def propagate(  # type: ignore[no-untyped-def]
     parameters, constants, layout, work, state, block, column_parameter, column_period, samples, gradient,
     functional, workspace,
 ):  # fmt: skip
-    """Advance ``state`` (size,) and ``block`` (size, columns) in place over one period; -1, or the step that
-    failed.
+    """Advance ``state`` (size,) and ``block`` (size, columns) in place over one period.
 
-    ``turn``: increase of the phase over the period.  ``oscillator``: index of the forcing frequency when the
-    last two states are those of Eq. 17, else -1.  Column j has the inhomogeneous terms of parameter
-    ``column_parameter[j]`` (-1: none) and of a period that grows with ``column_period[j]`` per unit.
-    ``samples`` (K, size) receives the orbit at tau1 = k / K; ``steps`` must be a multiple of K.  With
-    ``gradient`` (K, size), ``functional`` (1 + columns) receives sum_k <gradient_k, .>/K of orbit and
-    columns; with shape (0, size) it is left at zero.
+    ``turn``: increase of the phase over the period.  ``oscillator``: index of the forcing frequency if the
+    last two states are those of Eq. 17, else -1.  Column j has the inhomogeneous terms of the parameter
+    ``column_parameter[j]`` (-1: none) and of dT/dlambda = ``column_period[j]``.  ``samples`` (K, size)
+    receives the orbit at tau1 = k / K; ``steps`` must be a multiple of K.  With ``gradient`` (K, size),
+    ``functional`` (1 + columns) receives sum_k <gradient_k, .>/K of orbit and columns; with shape (0, size)
+    it is left at zero.
+
+    Returns -1, or the step that failed.
     """
     n, m, stages, base = state.shape[0], block.shape[1], b.shape[0], system_size(state, oscillator)
     stride = steps // samples.shape[0]
@@ -93,7 +94,7 @@ def propagate(  # type: ignore[no-untyped-def]
     block_slopes = workspace[end : end + stages * n * m].reshape((stages, n * m))
     end += stages * n * m
     block_stage = workspace[end : end + n * m].reshape((n, m))
-    shifted[:] = parameters  # differences with a parameter move this copy
+    shifted[:] = parameters  # central differences with a parameter change this copy
     equations = Equations(shifted, constants, layout, work, oscillator, rates)
     functional[:] = 0.0
 

@@ -1,16 +1,16 @@
-"""How speed and ring excitation of a transient run change with time, in pieces that are smooth.
+"""Speed and ring excitation of a transient as functions of time, in pieces that are smooth.
 
 The speed is piecewise linear, so that within a piece that starts at tau_0
 
     Omega = Omega_0 + a t,   phi = phi_0 + Omega_0 t + a t^2 / 2,   t = tau - tau_0
 
-without any integration error. The rings turn on with Omega_ex tau all the time; their displacement is delta,
-zero, or, while it is being switched over the length L, goes from one to the other by
+without any integration error. The phase of the rings grows with Omega_ex tau all the time. Their displacement
+is constant or, while it is switched over a ramp of length L,
 
     delta = delta_0 + (delta_1 - delta_0) x^3 (10 - 15 x + 6 x^2),   x = t / L
 
-whose first two derivatives vanish at both ends: the ring neither jumps nor kinks. Time steps end where pieces
-do, so that the method keeps its order.
+whose first two derivatives vanish at both ends: displacement, velocity and acceleration of the ring are
+continuous. A time step ends where a piece ends, so that the method keeps its order.
 """
 
 from __future__ import annotations
@@ -27,15 +27,16 @@ from pipelines.machine.kernels import kernel
 
 Array = NDArray[np.float64]
 
-# Entries of a piece as the kernels read it; the last four are the same in all pieces of a run.
+# Entries of a piece, with speed, angle and phase at its beginning; the last four are the same in all pieces.
 BEGIN, LENGTH, OMEGA, ACCELERATION, ANGLE, RING_PHASE, DELTA_FROM, DELTA_TO, RAMP_BEGIN, RAMP = range(10)
 PIECE_NUMBERS = 10
 
 
 @kernel()
 def set_drive(piece, t, parameters):  # type: ignore[no-untyped-def]
-    """Put speed, ring displacement and its rate at the time ``t`` since the piece's begin into
-    ``parameters``; returns the rings' phase, the rotation angle and the angular acceleration.
+    """Write speed, ring displacement and its rate into ``parameters``, at the time ``t`` within a piece.
+
+    Returns the rings' phase, the rotation angle and the angular acceleration.
     """
     parameters[SPEED] = piece[OMEGA] + piece[ACCELERATION] * t
     x = min(1.0, max(0.0, (piece[BEGIN] - piece[RAMP_BEGIN] + t) / piece[RAMP]))
@@ -49,7 +50,7 @@ def set_drive(piece, t, parameters):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True)
 class Switching:
-    """The rings' displacement goes from ``before`` to ``after`` within ``ramp`` from the time ``begin``."""
+    """A change of the rings' displacement from ``before`` to ``after``; it takes ``ramp`` from ``begin``."""
 
     before: float
     after: float
@@ -85,7 +86,7 @@ class Drive:
         return np.asarray(piece[..., ANGLE] + t * (piece[..., OMEGA] + 0.5 * piece[..., ACCELERATION] * t))
 
     def ring_phase(self, time: Array, parameters: Array) -> Array:
-        """Omega_ex tau and the phase at the start [rad] at times, between -2 pi and 2 pi."""
+        """Omega_ex tau plus the phase at the start [rad] at times, between -2 pi and 2 pi."""
         piece = self.pieces[self.piece_at(time)]
         phase = piece[..., RING_PHASE] + parameters[EXCITATION_FREQUENCY] * (time - piece[..., BEGIN])
         return np.asarray(np.fmod(phase, 2.0 * np.pi))
@@ -98,7 +99,7 @@ class Drive:
         return np.asarray(piece[..., DELTA_FROM] + (piece[..., DELTA_TO] - piece[..., DELTA_FROM]) * step)
 
     def largest_speed(self) -> float:
-        """Of the whole run."""
+        """The largest speed of the whole run."""
         ends = self.pieces[:, OMEGA] + self.pieces[:, ACCELERATION] * self.pieces[:, LENGTH]
         return float(max(self.pieces[:, OMEGA].max(), ends.max()))
 
@@ -116,12 +117,11 @@ def make_drive(
     angle: float = 0.0,
     ring_phase: float = 0.0,
 ) -> Drive:
-    """The drive of a run from a table of speeds over times that begin at 0; after the last one the speed
-    stays.
+    """The drive of a run from a table of ``speeds`` over ``times``, between which the speed is linear.
 
-    ``angle`` and ``ring_phase`` [rad] are those at the start, ``frequency`` is Omega_ex. Raises ValueError
-    for times that do not begin at 0 and rise, for speeds and durations that are not positive, and for a
-    switching without a ramp.
+    After the last time the speed is constant. ``angle`` and ``ring_phase`` [rad] are those at the start,
+    ``frequency`` is Omega_ex. Raises ValueError for times that do not begin at 0 and rise, for speeds and
+    durations that are not positive, and for a switching without a ramp.
     """
     if len(times) != len(speeds) or not times or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
         raise ValueError(f"times must begin at 0 and rise, one for each speed; given {list(times)}")

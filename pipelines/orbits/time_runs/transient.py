@@ -1,9 +1,9 @@
 """Time integration of the driven machine: changing speed, unbalance, switched excitation.
 
-The step is that of ``integration.esdirk`` with a fixed length in every piece of the drive. The unbalance is
-its load, and f takes speed and ring displacement of the stage's own time from the parameter vector. A run is
-a chain of blocks of steps; a block depends on nothing but the state at its begin and its place in the run, so
-that a run taken up again at the begin of a block is the same to the last bit.
+The steps are those of ``integration.esdirk``, with a fixed length in every piece of the drive. The unbalance
+is the load; speed and ring displacement at the time of a stage are written into the parameter vector that f
+reads. A run is a chain of blocks of steps. A block depends only on the state at its beginning and its place
+in the run, so that a run resumed at the beginning of a block gives the same bits.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ _VECTOR = types.float64[::1]
 _MATRIX = types.float64[:, ::1]
 _INTEGERS = types.int64[::1]
 
-_TIME_ROUNDING = 1e-9  # of a step or a sample interval: what falls on an end belongs to what ends there
+_TIME_ROUNDING = 1e-9  # of a step or a sample interval: times this close count as equal
 _STAGES_PER_FACTORS = 3  # measured: a tenth faster than with one factorisation in a step
-_FEWEST_STEPS = 32  # also for the cubic interpolation of the samples
-_MOST_STEPS = 800
-_LONGEST_BLOCK = 20_000  # steps: a few seconds, after which a request to stop is heard
-_MARGIN = 1.1  # steps beyond the need, as for cycles
+_FEWEST_STEPS = 32  # per turn; the cubic interpolation of the samples needs them too
+_MOST_STEPS = 800  # per turn
+_LONGEST_BLOCK = 20_000  # steps, a few seconds: a request to stop is obeyed after a block
+_MARGIN = 1.1  # on the estimated number of steps, as for cycles
 
 
 class Status(IntEnum):
@@ -59,24 +59,24 @@ class Status(IntEnum):
     LIMIT = 2
 
 
-# What a block tells beside its arrays.
+# Entries of ``told``, the counts that ``integrate`` returns.
 STEPS_DONE, SAMPLES_DONE, LIMIT_HIT = range(3)
 
 
 @kernel()
 def _watch(observed, limits, running):  # type: ignore[no-untyped-def]
-    """Lower the running minima; the first observed value below its limit, or -1."""
+    """Update the running minima; returns the index of the first value below its limit, or -1."""
     hit = -1
     for k in range(observed.shape[0]):
         running[k] = min(running[k], observed[k])
-        if hit < 0 and not observed[k] >= limits[k]:  # also what is not a number
+        if hit < 0 and not observed[k] >= limits[k]:  # true for NaN
             hit = k
     return hit
 
 
 @kernel()
 def _drive_to(t, piece, parameters, push, push_row, load):  # type: ignore[no-untyped-def]
-    """Set parameters and load to the time ``t`` since the piece's begin; returns the rings' phase."""
+    """Set parameters and load for the time ``t`` since the beginning of a piece; returns the rings' phase."""
     phase, angle, acceleration = set_drive(piece, t, parameters)
     along, across = unbalance_factors(angle, parameters[SPEED], acceleration)
     for k in range(push.shape[1]):
@@ -96,15 +96,17 @@ def integrate(  # type: ignore[no-untyped-def]
     piece, h, first, steps, parameters, constants, layout, work, factors, state,
     push, push_row, record_row, limits, running, interval, next_sample, samples, extremes, space, told,
 ):  # fmt: skip
-    """Advance ``state`` (size,) in place by ``steps`` steps of length ``h`` from step ``first`` of a piece;
-    a ``Status``.
+    """Advance ``state`` (size,) in place by ``steps`` steps of length ``h`` from step ``first`` of a piece.
 
-    ``push`` (2, k): A_c and A_s of the unbalance, which accelerate the k states from ``push_row``.
-    ``observe`` has the signature RATES; the smallest of what it writes, at the ends of the steps, is kept in
-    ``running``, and the block ends where a value falls below its entry of ``limits``. Sample j lies at the
-    time j * interval of the run; ``samples`` (m, r) receives the r states from ``record_row`` for the samples
-    from ``next_sample``, interpolated within the steps by cubic Hermite polynomials, ``extremes`` the running
-    minima since the sample before. ``told``: steps and samples done, and the limit that was passed.
+    ``push`` (2, k): A_c and A_s of the unbalance (see ``machine.unbalance``), which accelerate the k states
+    from ``push_row``. ``observe`` has the signature RATES and is called at the ends of the steps; the minima
+    of the values that it writes are kept in ``running``, and the block ends where a value falls below its
+    entry of ``limits``. Sample j lies at the time j * interval of the run. ``samples`` (m, r) receives the r
+    states from ``record_row`` at the samples from ``next_sample``, interpolated within the steps by cubic
+    Hermite polynomials; ``extremes`` receives the running minima since the sample before. ``told`` receives
+    the numbers of steps and samples done, and the index of the limit that was passed.
+
+    Returns a value of ``Status``.
     """
     equations = Equations(parameters, constants, layout, work, -1, rates)
     method, stages = Method(a, predictor, factorise, solve), a.shape[0]
@@ -149,12 +151,12 @@ def integrate(  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True)
 class DrivenSystem:
-    """What the drive moves and what is kept of it.
+    """The system of a transient, its unbalance, and what is recorded.
 
     ``system`` reads speed, excitation frequency, displacement and its rate from its parameters (the order of
-    ``machine.film``). ``push`` (2, k) are the accelerations A_c and A_s by the unbalance of the k states from
-    ``push_row``. ``observe`` has the signature RATES and writes ``observed`` values whose minima are kept.
-    ``recorded``: the states that samples hold.
+    ``machine.film``). ``push`` (2, k) holds A_c and A_s, the accelerations by the unbalance of the k states
+    from ``push_row``. ``observe`` has the signature RATES and writes ``observed`` values whose minima are
+    kept. ``recorded``: the states that are sampled.
     """
 
     system: DynamicalSystem
@@ -169,8 +171,8 @@ class DrivenSystem:
 class Plan:
     """Steps, blocks and samples of a run, all fixed beforehand.
 
-    ``piece_steps`` (pieces,): equal steps of every piece; samples lie at the multiples of ``interval``; a
-    block ends after ``block_steps`` steps, or with its piece.
+    ``piece_steps`` (pieces,): number of equal steps of every piece; samples lie at the multiples of
+    ``interval``; a block ends after ``block_steps`` steps, or with its piece.
     """
 
     drive: Drive
@@ -180,7 +182,7 @@ class Plan:
 
     @classmethod
     def of(cls, drive: Drive, step: float, interval: float, block_samples: int, most_blocks: int) -> Plan:
-        """Steps no longer than ``step``; at most ``most_blocks`` blocks of about ``block_samples``."""
+        """Steps no longer than ``step``; up to ``most_blocks`` blocks of about ``block_samples`` samples."""
         piece_steps = np.maximum(1, np.ceil(drive.pieces[:, LENGTH] / step - _TIME_ROUNDING)).astype(np.int64)
         wanted = min(_LONGEST_BLOCK, max(1, round(block_samples * interval / step)))
         spare = max(1, most_blocks - 2 * len(piece_steps))
@@ -188,38 +190,38 @@ class Plan:
 
     @property
     def steps(self) -> int:
-        """Of the whole run."""
+        """Number of steps of the whole run."""
         return int(self.piece_steps.sum())
 
     @property
     def samples(self) -> int:
-        """Of the whole run, that at time 0 counted."""
+        """Number of samples of the whole run, with the one at time 0."""
         return math.floor(self.drive.duration / self.interval + _TIME_ROUNDING) + 1
 
     @property
     def blocks(self) -> int:
-        """Of the whole run."""
+        """Number of blocks of the whole run."""
         return int(np.sum(-(-self.piece_steps // self.block_steps)))
 
     def place(self, step: int) -> tuple[int, int]:
-        """Piece and step within it at which a step of the run begins."""
+        """The piece to which a step of the run belongs, and its number within the piece."""
         ends = np.cumsum(self.piece_steps)
         piece = int(np.searchsorted(ends, step, side="right"))
         return piece, step - int(ends[piece] - self.piece_steps[piece])
 
     def time(self, step: int) -> float:
-        """When a step of the run begins; the duration for the one behind the last."""
+        """Time at which a step of the run begins; the duration for the step after the last."""
         if step >= self.steps:
             return self.drive.duration
         piece, first = self.place(step)
         return float(self.drive.pieces[piece, BEGIN] + first * self.length(piece))
 
     def length(self, piece: int) -> float:
-        """Of the steps of a piece."""
+        """Length of the steps of a piece."""
         return float(self.drive.pieces[piece, LENGTH] / self.piece_steps[piece])
 
     def samples_until(self, step: int) -> int:
-        """Samples that lie before or at the begin of a step."""
+        """Number of samples that lie before or at the beginning of a step."""
         if step >= self.steps:
             return self.samples
         return min(self.samples, math.floor(self.time(step) / self.interval + _TIME_ROUNDING) + 1)
@@ -227,8 +229,10 @@ class Plan:
 
 @dataclass(frozen=True)
 class Position:
-    """Where a run stands: ``state`` (size,) at the begin of ``step``, ``running`` (observed,) since the last
-    sample, and the number of samples that it has written.
+    """A point at which a run can be resumed.
+
+    ``state`` (size,) at the beginning of ``step``; ``running`` (observed,): minima since the last sample;
+    ``samples``: number of samples written so far.
     """
 
     state: Array
@@ -239,7 +243,7 @@ class Position:
 
 @dataclass(frozen=True)
 class Block:
-    """What a block adds: ``samples`` (m, recorded) and ``extremes`` (m, observed), and where it ends.
+    """Result of a block: ``samples`` (m, recorded) and ``extremes`` (m, observed), and where it ends.
 
     ``limit`` is the index of the observed value that passed its limit, or -1.
     """
@@ -252,7 +256,7 @@ class Block:
 
 
 def starting_position(driven: DrivenSystem, drive: Drive, parameters: Array, state: Array) -> Position:
-    """The begin of a run, with the sample at time 0 counted as written."""
+    """The beginning of a run, with the sample at time 0 counted as written."""
     extended, system = _extended(parameters), driven.system
     phase, _, _ = set_drive(drive.pieces[0], 0.0, extended)
     running = np.empty(driven.observed)
@@ -269,11 +273,11 @@ def advance(
     limits: Array,
     stepper: ImplicitStepper = ESDIRK5,
 ) -> Block:
-    """The block that begins at ``position``, up to its end, a limit, or a step whose equations have no
-    solution.
+    """Integrate the block that begins at ``position``.
 
-    ``parameters``: the four of a case, of which speed and displacement come from the drive; ``limits``
-    (observed,). Raises ValueError behind the last step, or for a system without shifted equations.
+    The block ends early where a value passes its limit, or at a step whose equations have no solution.
+    ``parameters``: the four of a case; the drive replaces speed and displacement. ``limits`` (observed,).
+    Raises ValueError after the last step, or for a system without ``shifted``.
     """
     system = driven.system
     if system.shifted is None or position.step >= plan.steps:
@@ -304,7 +308,7 @@ def advance(
 
 
 def _extended(parameters: Array) -> Array:
-    """The case's parameters with room for the displacement's rate."""
+    """The case's parameters and a zero for the rate of the displacement."""
     extended = np.zeros(DISPLACEMENT_RATE + 1)
     extended[:DISPLACEMENT_RATE] = parameters[:DISPLACEMENT_RATE]
     return extended
@@ -312,7 +316,7 @@ def _extended(parameters: Array) -> Array:
 
 @dataclass(frozen=True)
 class StepChoice:
-    """Steps per reference period, and the error that they leave in the state after one."""
+    """Steps per reference period, and the error of the state after one reference period."""
 
     steps: int
     error: float
@@ -328,10 +332,11 @@ def choose_steps(
     turns: int = 1,
     stepper: ImplicitStepper = ESDIRK5,
 ) -> StepChoice:
-    """Steps with which the run of ``drive``, one reference period with so many ``turns`` of the rotor, ends
-    within ``tolerance`` in every state; with ``given`` steps only their error is measured.
+    """Choose the steps per reference period so that the error of every state is below ``tolerance``.
 
-    With n and 2 n steps of order p the error of the latter is their difference over 2^p - 1.
+    ``drive`` lasts one reference period, with ``turns`` turns of the rotor. With n and 2 n steps of order p
+    the error of the latter is estimated by their difference over 2^p - 1. If ``given`` is a number of steps,
+    only its error is estimated.
     """
     if given is not None:
         coarse, fine = (trial_end(driven, drive, parameters, state, n, stepper) for n in (given, 2 * given))
@@ -358,8 +363,9 @@ def trial_end(
     steps: int,
     stepper: ImplicitStepper = ESDIRK5,
 ) -> Array | None:
-    """The state at the end of a drive in about so many steps, nothing being watched; None if a step has no
-    solution.
+    """The state at the end of a drive in about ``steps`` steps, without limits.
+
+    None if the equations of a step have no solution.
     """
     plan = Plan.of(drive, drive.duration / steps, 2.0 * drive.duration, 1, 1 << 30)
     position = starting_position(driven, drive, parameters, state)

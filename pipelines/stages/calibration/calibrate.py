@@ -47,19 +47,19 @@ SAME_ONSET = 1e-3  # relative difference up to which two onsets count as one
 NAMES = ("position", "reached", "onset", "status", "begin")
 
 
-def calibrate(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+def calibrate(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill the group ``calibration`` of a case; a search that does not converge is a failed stage."""
-    settings = case.case.calibrate
+    settings = named.case.calibrate
     if settings is None:
-        return StageResult(case.case_id, False, NO_TABLE, "give calibrate.parameters and calibrate.targets")
-    store, group = open_for_writing(store_path), case_group(case.case_id, GROUP)
-    with _open(store, group, case.case, settings) as branch:
+        return StageResult(named.case_id, False, NO_TABLE, "give calibrate.parameters and calibrate.targets")
+    store, group = open_for_writing(store_path), case_group(named.case_id, GROUP)
+    with _open(store, group, named.case, settings) as branch:
         if not branch.is_complete(OUT_OF_EVALUATIONS, settings.max_evaluations):
             try:
-                _search(Machines(branch, store, case, settings, report, should_stop))
+                _search(Machines(branch, store, named, settings, report, should_stop))
             except StopRequested:
-                return StageResult(case.case_id, True, "stopped on request")
-    return _result(case.case_id, store, group)
+                return StageResult(named.case_id, True, "stopped on request")
+    return _result(named.case_id, store, group)
 
 
 def _open(store: Store, group: str, case: Case, settings: Calibrate) -> BranchWriter:
@@ -128,18 +128,18 @@ class Machines:
         self,
         branch: BranchWriter,
         store: Store,
-        case: NamedCase,
+        named: NamedCase,
         settings: Calibrate,
         report: Report,
         should_stop: ShouldStop,
     ) -> None:
-        self.branch, self.case, self.settings = branch, case, settings
+        self.branch, self.named, self.settings = branch, named, settings
         self._report, self._should_stop = report, should_stop
         stored = read_group(store, branch.group, NAMES)
         self._rows: list[dict[str, Any]] = [
             {name: stored[name][index] for name in NAMES} for index in range(stored.n_points)
         ]
-        self._penalties = _penalties(case.case, settings)
+        self._penalties = _penalties(named.case, settings)
 
     def onsets(self, position: Array, nearby: bool) -> Array:
         """Onset speeds (m,) of a computed machine, NaN for targets without one."""
@@ -177,7 +177,7 @@ class Machines:
             if self._should_stop():
                 raise StopRequested
             expected = None if nearest is None else _expected(nearest, index)
-            found.append(reached(self.case.case, values, target, self.settings, expected, self._should_stop))
+            found.append(reached(self.named.case, values, target, self.settings, expected, self._should_stop))
         statuses, kinds = spec.array("status").flags, ("unset", *spec.array("bifurcation").flags)
         own = [value_at(p, float(x)) for p, x in zip(self.settings.parameters, position, strict=True)]
         return {
@@ -210,7 +210,7 @@ class Machines:
             f"sum of squares {found.cost:.4g}, largest deviation {found.deviations[worst]:.3g} of target "
         )
         message += f"{worst + 1}{lost}"
-        self._report(Progress("calibrate", self.case.case_id, len(self._rows), total + 1, message))
+        self._report(Progress("calibrate", self.named.case_id, len(self._rows), total + 1, message))
 
 
 def _expected(row: Mapping[str, Any], target: int) -> float | None:
@@ -232,7 +232,7 @@ def _penalties(case: Case, settings: Calibrate) -> Array:
 def _search(machines: Machines) -> None:
     """Run the least squares over the machines, confirm the result, and say how the search ended."""
     settings = machines.settings
-    start = start_position(machines.case.case, settings)
+    start = start_position(machines.named.case, settings)
     found = fit(machines.at, start, settings.tolerance, settings.difference_step)
     reason = _confirmed(machines, found.best) if found.converged else OUT_OF_EVALUATIONS
     best = machines.index_of(found.best.position, nearby=not found.converged)

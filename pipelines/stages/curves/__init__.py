@@ -1,7 +1,7 @@
-"""Bifurcation curves into a store.
+"""Stages that trace bifurcation curves and write them into a store.
 
 - track_curves: the stages of period-doubling, Neimark-Sacker and fold curves
 - starts: where curves can start, and which start comes next
-- rows: points of a curve as rows, and back
-- bifurcation_set: the search for the whole set
+- rows: conversion of the points of a curve to rows of the store, and back
+- bifurcation_set: the search for all bifurcation curves of a plane
 """

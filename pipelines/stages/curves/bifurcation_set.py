@@ -1,9 +1,9 @@
 """The search of `agfb run` for every bifurcation curve of a case in the plane excitation frequency x speed.
 
-The plane is crossed by branches of cycles along the speed and along the excitation frequency.  Every
-bifurcation that they meet and that lies on no curve yet starts one; so does every special point in which
-another curve meets one of these.  Rounds of fresh lines between the old ones follow, until a whole round
-meets no new curve.
+Branches of cycles cross the plane along lines of constant excitation frequency and of constant speed.  Every
+bifurcation on them that lies on no curve yet starts one; so does every codimension-two point at which another
+curve meets one of these.  Further rounds of lines between the old ones follow, until a whole round finds no
+new curve.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ Interval = tuple[float, float]
 GROUP = "bifurcation_set"
 SPEED: Literal["speed"] = "speed"
 FREQUENCY: Literal["excitation_frequency"] = "excitation_frequency"
-LARGEST_ORDER = 2  # of the principal resonances 2 Omega_j / n at which the first round has lines
-APART = 0.02  # of the plane's width: resonances nearer to another line get none
+LARGEST_ORDER = 2  # largest n of the principal resonances 2 Omega_j / n at which the first round has lines
+APART = 0.02  # of the plane's width: a resonance nearer than this to another line gets no line
 LINE_POINTS = 2000
 SPEEDS_TRIED = 49  # for the lowest speed with a film
 
 
 @dataclass(frozen=True)
 class Line:
-    """A branch across the plane along `parameter`, the other one `fixed`; made in a `round` of the search."""
+    """A branch along ``parameter`` with the other parameter ``fixed``, made in a ``round`` of the search."""
 
     parameter: Literal["speed", "excitation_frequency"]
     fixed: float
@@ -55,23 +55,24 @@ class Line:
 
 
 def bifurcation_set(
-    case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+    named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
 ) -> StageResult:
-    """Fill ``cycles/s000``, ..., ``pd``, ``ns``, ``folds`` and ``bifurcation_set`` of a case; resumes behind
-    the last point.
+    """Fill ``cycles/s000``, ..., ``pd``, ``ns``, ``folds`` and ``bifurcation_set`` of a case.
+
+    An interrupted search resumes after the last stored point.
     """
-    job = Job.of("bifurcation-set", case, store_path, report, should_stop)
-    if (reason := nothing_to_search(case.case)) is not None:
-        return StageResult(case.case_id, True, reason)
+    job = Job.of("bifurcation-set", named, store_path, report, should_stop)
+    if (reason := nothing_to_search(named.case)) is not None:
+        return StageResult(named.case_id, True, reason)
     lowest = lowest_speed(job)
     if lowest is None:
         return StageResult(
-            case.case_id, False, f"no equilibrium of the plane leaves a film of "
-            f"{case.case.bifurcation_set.smallest_film:g} of the clearance",
+            named.case_id, False, f"no equilibrium of the plane leaves a film of "
+            f"{named.case.bifurcation_set.smallest_film:g} of the clearance",
             "raise the upper end of track_curves.ranges, or lower bifurcation_set.smallest_film",
         )  # fmt: skip
-    search = case.case.bifurcation_set
-    queue = StartQueue(job, _kinds(case.case), search.boundaries)
+    search = named.case.bifurcation_set
+    queue = StartQueue(job, _kinds(named.case), search.boundaries)
     lines: list[Line] = []
     trace_all(queue)
     complete = False
@@ -114,9 +115,10 @@ def _range(case: Case, parameter: str) -> Interval:
 
 
 def lowest_speed(job: Job) -> float | None:
-    """The lowest speed of the plane whose equilibrium leaves the smallest film that counts, in the mean ring.
+    """The lowest speed of the plane at which the film of the equilibrium is thick enough.
 
-    None when no speed does.  The boundary is found to a thousandth of the range.
+    The rings are at their mean displacement.  None if no speed has a film of
+    ``bifurcation_set.smallest_film``.  The speed is found to a thousandth of the range.
     """
     low, high = _range(job.case, SPEED)
 
@@ -140,8 +142,9 @@ def lowest_speed(job: Job) -> float | None:
 
 
 def lines_of_round(job: Job, number: int, lowest: float) -> list[Line]:
-    """The lines of a round: between those of the rounds before, and at the predicted resonances in the
-    first.
+    """The lines of a round: between those of earlier rounds; in the first round also at resonances.
+
+    The resonances are the predicted ones of the group ``criticals``.
     """
     case, search = job.case, job.case.bifurcation_set
     frequencies = _spread(search.frequencies, _range(case, FREQUENCY), number)
@@ -154,9 +157,9 @@ def lines_of_round(job: Job, number: int, lowest: float) -> list[Line]:
 
 
 def _spread(count: int, interval: Interval, number: int) -> list[float]:
-    """`count` equally spaced values, in the middle of as many cells in round 0, elsewhere in later rounds."""
+    """One value in each of ``count`` equal cells: the middle in round 0, other places in later rounds."""
     low, high = interval
-    # van der Corput: 1/2, 0, 1/4, 3/4, 1/8, ...
+    # van der Corput sequence: 1/2, 0, 1/4, 3/4, 1/8, ...
     index = {0: 1, 1: 0}.get(number, number)
     offset = sum(int(digit) / 2.0 ** (place + 1) for place, digit in enumerate(reversed(f"{index:b}")))
     return [low + (high - low) * (cell + offset) / count for cell in range(count)]
@@ -207,7 +210,7 @@ def _request(job: Job, line: Line, index: int, lowest: float) -> BranchRequest:
 
 
 def _new_curves(job: Job, index: int) -> int:
-    """How many curves start from a line."""
+    """Number of curves that start from bifurcations on a line."""
     group = f"cycles/s{index:03d}"
     found = 0
     for name in job.groups(*CONTAINERS.values()):
@@ -218,7 +221,7 @@ def _new_curves(job: Job, index: int) -> int:
 
 
 def _write(job: Job, lines: list[Line], lowest: float, complete: bool) -> None:
-    """The group that says how the plane was searched."""
+    """Write the group that records how the plane was searched."""
     case, spec = job.case, KINDS[GROUP]
     branches = [
         job.read(f"cycles/s{index:03d}", (line.parameter, "event_kind")) for index, line in enumerate(lines)
@@ -281,7 +284,7 @@ def covered(lines: list[Line], complete: bool) -> str:
 
 
 def _result(job: Job, lines: list[Line], complete: bool) -> StageResult:
-    """How the search ended: well when every curve is complete and the last lines met no new one."""
+    """The result of the search: a success if every curve is complete."""
     results = {CONTAINERS[kind]: curves_result(job, kind) for kind in _kinds(job.case)}
     summary: dict[str, Any] = {"lines": len(lines)}
     summary |= {f"{name} curves": result.summary["curves"] for name, result in results.items()}

@@ -1,4 +1,4 @@
-"""Points of bifurcation curves as rows of a store, and rows as the state from which a curve goes on."""
+"""Points of bifurcation curves as rows of a store, and the state read back from which a curve resumes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CONTAINERS: Mapping[EventKind, str] = {
     EventKind.FOLD: "folds",
 }
 DIRECTION_NAMES = ("tangent", "normal", "gradient", "bend")  # of the array `directions`, in this order
-TRACED = ("parameter_tangent", "arclength", "state", "angle")  # and the free parameters: see `traced`
+TRACED = ("parameter_tangent", "arclength", "state", "angle")  # read by `traced`, with the free parameters
 SPECIAL_NAMES = tuple(spec.name for spec in KINDS["curve"].arrays if spec.name.startswith("event_"))
 
 
@@ -54,9 +54,9 @@ def curve_sizes(machine: Machine, case: Case, problem: CurveProblem) -> dict[str
 
 
 class CurveRecorder:
-    """Writes every accepted point of a curve, and stops the curve where a film is not physical any more.
+    """Writes every accepted point of a curve, and stops the curve where a film is no longer physical.
 
-    The shape of a cycle is needed by both and computed once, in ``limit``, which the engine asks first.
+    Both need the shape of the cycle. ``limit``, which the continuation calls first, computes it.
     """
 
     def __init__(
@@ -72,14 +72,14 @@ class CurveRecorder:
         self._shape: CycleShape | None = None
 
     def limit(self, point: CurvePoint) -> str | None:
-        """A sentence if the point is not physical: a film too thin, or a pressure below vacuum."""
+        """The reason why a point is not physical: a film too thin, or a pressure below vacuum; else None."""
         cycle = point.cycle
         multiple = self._problem.period_map.period_multiple
         self._shape = cycle_shape(self._machine, cycle.image.orbit, cycle.parameters, multiple, snapshots=0)
         return unphysical(self._shape, self._case.continue_cycles.minimum_film)
 
     def record(self, point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
-        """Commit the point ``limit`` has just passed, with the special points that lead to it."""
+        """Commit the point last given to ``limit``, and the codimension-two points just before it."""
         assert self._shape is not None
         case, after = self._case, state.index - 1
         rows = [special_row(case, special, after) for special in specials]
@@ -126,7 +126,7 @@ def point_row(
 
 
 def _criticality(point: CurvePoint) -> int:
-    """Flag of the type; unset for a fold, without a coefficient, and where its sign is not certain."""
+    """Flag of the criticality; unset for a fold, without a normal form, and where its sign is not certain."""
     form = point.normal_form
     if form is None or point.kind is EventKind.FOLD or not form.decided:
         return -1
@@ -135,7 +135,7 @@ def _criticality(point: CurvePoint) -> int:
 
 
 def _slots(state: CurveState) -> dict[str, Any]:
-    """What only the step after the newest point needs."""
+    """Arrays that are stored for the newest point only, since only the next step needs them."""
     directions = [getattr(state, name) for name in DIRECTION_NAMES]
     return {
         "directions": np.array([np.concatenate([d.state, [d.period], d.parameters]) for d in directions]),
@@ -148,7 +148,7 @@ def _slots(state: CurveState) -> dict[str, Any]:
 
 
 def special_row(case: Case, special: SpecialPoint, after_point: int) -> dict[str, Any]:
-    """One located special point."""
+    """One located codimension-two point as a row."""
     return _event_row(
         case, special.kind, special.parameters, special.state, special.period, special.multipliers,
         after_point, angle=float(np.arccos(np.clip(special.cos_theta, -1.0, 1.0))), residual=special.residual,
@@ -156,7 +156,7 @@ def special_row(case: Case, special: SpecialPoint, after_point: int) -> dict[str
 
 
 def _unlocated_row(case: Case, kind: SpecialKind, point: CurvePoint, after_point: int) -> dict[str, Any]:
-    """A special point that was detected before a point but not located: the point's own values."""
+    """A codimension-two point that was detected but not located, with the values of the point after it."""
     cycle = point.cycle
     return _event_row(
         case, kind, cycle.parameters, cycle.unknowns.state, cycle.unknowns.period, cycle.spectrum.multipliers,
@@ -189,7 +189,7 @@ def _event_row(
 
 
 def stored_special(curve: Group, index: int) -> SpecialPoint:
-    """A located special point read back; of ``curve`` the arrays ``SPECIAL_NAMES`` are needed."""
+    """A located codimension-two point read back; ``curve`` must have the arrays ``SPECIAL_NAMES``."""
     arrays = curve.arrays
     name = KINDS["curve"].array("event_kind").flags[int(arrays["event_kind"][index])]
     multipliers = arrays["event_multipliers"][index]
@@ -207,18 +207,18 @@ def stored_special(curve: Group, index: int) -> SpecialPoint:
 
 
 def traced(curve: Group, names: tuple[str, str]) -> KnownCurve:
-    """The stored curve, to be compared with other bifurcations; needs ``TRACED`` and the parameters."""
+    """A stored curve, to test which bifurcations lie on it; needs the arrays ``TRACED`` and ``names``."""
     parameters = np.column_stack([curve[name] for name in names])
     return KnownCurve(
         parameters, curve["parameter_tangent"], curve["arclength"], curve["state"], curve["angle"]
     )
 
 
-RESUMED = (*TRACED, "period", "special_tests")  # what a curve goes on from, with the free parameters
+RESUMED = (*TRACED, "period", "special_tests")  # read by `resumed_state`, with the free parameters
 
 
 def resumed_state(newest: Resume, rows: Mapping[str, Array], names: tuple[str, str]) -> CurveState:
-    """The state after the newest row; ``rows``: ``RESUMED`` and the parameters, all rows."""
+    """The state after the newest row; ``rows`` holds the arrays ``RESUMED`` and ``names`` of all rows."""
     row, slots = newest.row, newest.slots
     previous = max(0, newest.n_points - 2)
     tests = rows["special_tests"][previous]

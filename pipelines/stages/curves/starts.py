@@ -1,9 +1,9 @@
 """Where curves can start, and which of these starts comes next.
 
-At the bifurcations of all branches of cycles that have ended, and at the special points of stored curves
-where another curve meets them: at R1 and R2 a Neimark-Sacker curve ends on it, elsewhere a second
-bifurcation happens at the same parameters.  Starts are taken in the order of their groups; each is compared
-with the curves traced before it.
+Curves start at the bifurcations of all completed branches of cycles, and at the codimension-two points of
+stored curves where another curve meets them.  At the resonances R1 and R2 a Neimark-Sacker curve ends on the
+stored one; at the others a second bifurcation happens at the same parameters.  Starts are taken in the order
+of their groups; each is compared with the curves traced before it.
 """
 
 from __future__ import annotations
@@ -33,8 +33,10 @@ BOTH_WAYS = (1, -1)
 
 @dataclass(frozen=True)
 class Start:
-    """Where a curve may start, for cycles of how many excitation periods, and whether it bounds stable ones
-    there: all multipliers but the critical ones lie inside the unit circle.
+    """A bifurcation at which a curve may start.
+
+    ``turns``: number of excitation periods in the cycles; ``bounds``: whether the curve bounds stable cycles
+    there, since all multipliers but the critical ones lie inside the unit circle.
     """
 
     origin: Origin
@@ -46,7 +48,7 @@ class Start:
 
 @dataclass(frozen=True)
 class PendingCurve:
-    """A start whose curve is to be traced: the groups it has already, and all curves of its kind."""
+    """A start whose curve is to be traced: the groups that it already has, and all curves of its kind."""
 
     start: Start
     groups: tuple[str, ...]
@@ -66,11 +68,11 @@ class PendingCurve:
 
 @dataclass
 class StartQueue:
-    """The starts of a case's curves in the order of kinds and groups, among all that the store has by then.
+    """The starts of a case's curves in the order of kinds and groups, read from the store at every call.
 
-    ``boundaries``: only starts that bound stable cycles.  ``settled``: starts found to need no curve, which
-    further curves do not change: ``outside`` of them lie outside the plane, ``refused`` are beyond the
-    largest number of curves, the others on a curve.
+    ``boundaries``: only starts that bound stable cycles.  ``settled``: starts that need no curve, whatever
+    curves follow.  Of these, ``outside`` lie outside the plane, ``refused`` exceed the largest number of
+    curves, and the others lie on a curve.
     """
 
     job: Job
@@ -81,7 +83,7 @@ class StartQueue:
     refused: int = 0
 
     def next(self) -> PendingCurve | None:
-        """A curve that was begun; else the first start that is on no curve yet; None when nothing is left."""
+        """An unfinished curve, else the first start that is on no curve yet; None if nothing is left."""
         fresh: PendingCurve | None = None
         for kind in self.kinds:
             known = _curves(self.job, kind)
@@ -110,15 +112,17 @@ class StartQueue:
 
 
 def _is_finished(job: Job, start: Start, halves: Sequence[Group]) -> bool:
-    """Whether the curve of a start has ended in both directions, and not for want of points."""
+    """Whether the curve of a start has ended in both directions, and not at the largest number of points."""
     most = job.case.track_curves.max_points
     ended = all(has_ended(half.attributes, half.n_points, WANTING_POINTS, most) for half in halves)
     return ended and (len(halves) == len(BOTH_WAYS) or is_whole(start, halves[0]))
 
 
 def is_whole(start: Start, curve: Group) -> bool:
-    """Whether nothing is left to trace in the other direction: the curve is closed, could not be started, or
-    is a Neimark-Sacker curve that leaves a resonance, where it ends.  Needs the ``angle``.
+    """Whether nothing is left to trace in the other direction; ``curve`` must have the array ``angle``.
+
+    So it is if the curve is closed, could not be started, or is a Neimark-Sacker curve that starts at a
+    resonance, where it ends.
     """
     closed = curve.attributes["stop_reason"] == CurveStop.CLOSED.name.lower()
     if closed or curve.n_points == 0:
@@ -127,13 +131,15 @@ def is_whole(start: Start, curve: Group) -> bool:
 
 
 def starts_of(job: Job, kind: EventKind) -> Iterator[Start]:
-    """Every bifurcation of the kind located on a branch, then every special point in which a curve of the
-    kind meets a stored one.
+    """All starts of curves of a kind, in the order in which they are taken.
+
+    First every bifurcation of the kind located on a branch, then every codimension-two point at which a
+    curve of the kind meets a stored one.
     """
     flag = KINDS["cycles"].array("event_kind").flag(kind.name.lower())
     for group in job.groups("cycles"):
         branch = job.read(group, EVENT_NAMES)
-        if branch.attributes["status"] != ENDED:  # its later bifurcations would come too late
+        if branch.attributes["status"] != ENDED:  # bifurcations found later would change the order
             continue
         for index in range(branch.n_events):
             if branch["event_kind"][index] == flag and np.isfinite(branch["event_residual"][index]):
@@ -155,7 +161,7 @@ def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
 
 
 def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) -> Iterator[Start]:
-    """Curves of `kind` through the special points of a curve of kind `other`."""
+    """Starts of curves of ``kind`` at the codimension-two points of a curve of kind ``other``."""
     curve = job.read(group, SPECIAL_NAMES)
     if curve.attributes["status"] != ENDED:
         return
@@ -172,14 +178,17 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
 
 
 def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:
-    """Curves of a kind over the plane of the case, the other parameters as given; bordered."""
+    """The problem of curves of a kind in the plane of the case, in the bordered formulation.
+
+    The parameters that are not free keep their values in ``parameters``.
+    """
     case = job.case
     cycles = with_multiplied_period(cycle_problem(job.machine, case), turns)
     return CurveProblem(cycles.period_map, kind, parameters, case.track_curves.parameters, cycles.options)
 
 
 def _curves(job: Job, kind: EventKind) -> dict[str, Group]:
-    """All curves of a kind, as far as `_lies_on` and `traced` need them."""
+    """All curves of a kind, with the arrays that ``_lies_on`` and ``traced`` need."""
     names = (*TRACED, *job.case.track_curves.parameters)
     return {group: job.read(group, names) for group in job.groups(CONTAINERS[kind])}
 
@@ -194,7 +203,7 @@ def _is_inside(job: Job, start: Start) -> bool:
 def _lies_on(job: Job, start: Start, curve: Group) -> bool:
     """Whether a start is on a stored curve of the same kind and period.
 
-    Cycles of several turns are the same whichever turn they are sampled at.
+    A cycle over several excitation periods may be stored from the beginning of any of them: all are tried.
     """
     if curve.attributes["turns"] != start.turns or curve.n_points < 2:
         return False
@@ -203,7 +212,7 @@ def _lies_on(job: Job, start: Start, curve: Group) -> bool:
 
 
 def _samplings(start: Start) -> Iterator[CurveStart]:
-    """The start sampled at each of its turns."""
+    """The start, with its state taken at the beginning of each excitation period of the cycle."""
     yield start.guess
     if start.turns == 1:
         return

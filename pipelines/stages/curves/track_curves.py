@@ -1,7 +1,7 @@
-"""Curves of some kinds through every bifurcation of a store that is on none of them yet.
+"""The stages that trace a curve through every stored bifurcation of a kind that is on no curve yet.
 
-The starts are those of `pipelines.stages.curves.starts`, one after the other, so that the curves of a case do
-not depend on interruptions, and a store with more branches gets more curves, never others.
+``pipelines.stages.curves.starts`` gives the starts, one after the other, so that the curves of a case do not
+depend on interruptions. Further branches in a store add curves and do not change the existing ones.
 """
 
 from __future__ import annotations
@@ -60,21 +60,21 @@ COMPLETE = frozenset(
 )
 
 
-def track_pd(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill the groups ``pd/c000``, ... of a case; resumes behind the last point."""
-    job = Job.of("track-pd", case, store_path, report, should_stop)
+def track_pd(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Fill the groups ``pd/c000``, ... of a case; resumes after the last stored point."""
+    job = Job.of("track-pd", named, store_path, report, should_stop)
     return _track(job, EventKind.PERIOD_DOUBLING)
 
 
-def track_ns(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill the groups ``ns/c000``, ... of a case; resumes behind the last point."""
-    job = Job.of("track-ns", case, store_path, report, should_stop)
+def track_ns(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Fill the groups ``ns/c000``, ... of a case; resumes after the last stored point."""
+    job = Job.of("track-ns", named, store_path, report, should_stop)
     return _track(job, EventKind.NEIMARK_SACKER)
 
 
-def track_folds(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
-    """Fill the groups ``folds/c000``, ... of a case; resumes behind the last point."""
-    job = Job.of("track-folds", case, store_path, report, should_stop)
+def track_folds(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+    """Fill the groups ``folds/c000``, ... of a case; resumes after the last stored point."""
+    job = Job.of("track-folds", named, store_path, report, should_stop)
     return _track(job, EventKind.FOLD)
 
 
@@ -87,15 +87,15 @@ def _track(job: Job, kind: EventKind) -> StageResult:
 def trace_all(queue: StartQueue) -> None:
     """Trace every curve of a queue, until nothing is left or the stage is asked to stop.
 
-    One curve after the other: what comes next follows from the store alone, so that a search that was
-    interrupted goes on as if it had not been.
+    Curves are traced one after the other. The next one follows from the store alone, so that an interrupted
+    search gives the curves of an undisturbed one.
     """
     while not queue.job.should_stop() and (pending := queue.next()) is not None:
         _trace_both_ways(queue.job, pending)
 
 
 def _trace_both_ways(job: Job, pending: PendingCurve) -> None:
-    """Trace the curve through a start: one group, or two when it is open and the start inside it."""
+    """Trace the curve through a start: two groups, one in each direction, or one if ``is_whole``."""
     start, groups, known = pending.start, list(pending.groups), pending.traced_before
     for half, direction in enumerate(BOTH_WAYS):
         if half == len(groups):
@@ -111,8 +111,10 @@ def _trace_both_ways(job: Job, pending: PendingCurve) -> None:
 def trace_curve(
     job: Job, start: Start, group: str, half: int, direction: int, known: Mapping[str, KnownCurve]
 ) -> None:
-    """Follow a curve from its start, or from its last committed point, until it ends, runs along one that is
-    ``known`` or is asked to stop.
+    """Follow a curve from its start or from its last committed point.
+
+    It ends for a reason of its own, where it coincides with one of the ``known`` curves, or when the stage
+    is asked to stop.
     """
     table = job.case.track_curves
     attributes = {
@@ -177,7 +179,7 @@ def curve_options(job: Job, direction: int) -> CurveOptions:
 def _progress_callback(
     job: Job, start: Start, group: str
 ) -> Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None]:
-    """The report of every recorded point."""
+    """A function that reports the progress after every recorded point."""
     limit, names = job.case.track_curves.max_points, start.problem.names
 
     def report_point(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
@@ -189,7 +191,7 @@ def _progress_callback(
 
 
 def curves_result(job: Job, kind: EventKind, outside: int = 0, refused: int = 0) -> StageResult:
-    """How the curves of a case ended: a success when all of them are complete.
+    """The result of tracing the curves of a kind: a success if all of them are complete.
 
     ``outside``: starts outside the plane; ``refused``: starts beyond the largest number of curves.
     """

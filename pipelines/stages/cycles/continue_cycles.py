@@ -26,19 +26,19 @@ PERIOD_DOUBLING = KINDS["cycles"].array("event_kind").flag("period_doubling")
 
 
 def continue_cycles(
-    case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+    named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
 ) -> StageResult:
     """Fill the groups ``cycles/b000``, ... of a case, one branch per direction.
 
     Period-doubled branches fill ``cycles/d000``, ...; resumes after the last point.
     """
-    job = Job.of("continue-cycles", case, store_path, report, should_stop)
+    job = Job.of("continue-cycles", named, store_path, report, should_stop)
     groups = []
-    for number, direction in enumerate(directions(case.case)):
+    for number, direction in enumerate(directions(named.case)):
         if should_stop():
             break
         groups.append(f"cycles/b{number:03d}")
-        trace_branch(job, BranchRequest(groups[-1], case.case, direction))
+        trace_branch(job, BranchRequest(groups[-1], named.case, direction))
     doubled = _trace_doubled(job, groups)
     return _result(job, groups, doubled)
 

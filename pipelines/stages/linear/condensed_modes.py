@@ -123,17 +123,17 @@ def checked_modes(
     return CheckedModes(arrays, errors.worst, caution)
 
 
-def condensation_caution(case: NamedCase, store: Store) -> str:
+def condensation_caution(named: NamedCase, store: Store) -> str:
     """The caution for everything computed with the condensed rotor of a case.
 
     The caution of `criticals` if the store has them, else one from the operating and the highest speed.
     Empty without an equilibrium.
     """
-    group = case_group(case.case_id, "criticals")
+    group = case_group(named.case_id, "criticals")
     if store.has_group(group):
         return str(read_group(store, group, ()).attributes.get("caution", ""))
-    machine, parameters = build_machine(case.case), parameter_vector(case.case)
-    operation, highest = float(parameters[film.SPEED]), case.case.criticals.speed_range[1]
+    machine, parameters = build_machine(named.case), parameter_vector(named.case)
+    operation, highest = float(parameters[film.SPEED]), named.case.criticals.speed_range[1]
     found = {
         speed: machine_equilibrium(machine, at_speed(parameters, speed))
         for speed in sorted({operation, highest})
@@ -141,9 +141,9 @@ def condensation_caution(case: NamedCase, store: Store) -> str:
     states = {speed: equilibrium.state for speed, equilibrium in found.items() if equilibrium.converged}
     if not states:
         return ""
-    linear = linear_bearings(machine, case.case, parameters, states)
+    linear = linear_bearings(machine, named.case, parameters, states)
     nearest = int(np.argmin(np.abs(linear.speeds - operation)))
-    return checked_modes(machine, case.case, linear, nearest, ()).caution
+    return checked_modes(machine, named.case, linear, nearest, ()).caution
 
 
 def _caution(errors: ModeErrors, scales: Scales, masters: Masters, better: Masters, left: ModeErrors) -> str:

@@ -43,43 +43,43 @@ UNDECIDED = "critical speeds may be missing"
 SUCCESSFUL = missing_speeds.SUCCESSFUL | {NO_CRITICAL}  # reasons that are no failure
 
 
-def criticals(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+def criticals(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Write the group ``criticals`` of a case at once; recomputed only if its table has changed."""
-    store, group = open_for_writing(store_path), case_group(case.case_id, "criticals")
-    request = case.case.criticals.model_dump(mode="json")
+    store, group = open_for_writing(store_path), case_group(named.case_id, "criticals")
+    request = named.case.criticals.model_dump(mode="json")
     if store.has_group(group) and read_group(store, group, ()).attributes.get("request") == request:
-        return _result(case.case_id, store, group)
-    machine, parameters = build_machine(case.case), parameter_vector(case.case)
-    table = case.case.criticals
+        return _result(named.case_id, store, group)
+    machine, parameters = build_machine(named.case), parameter_vector(named.case)
+    table = named.case.criticals
     total = table.points + table.unbalance_points
 
     def visit(done: int) -> None:
         if should_stop():
             raise StopRequested
-        report(Progress("criticals", case.case_id, done, total))
+        report(Progress("criticals", named.case_id, done, total))
 
     try:
         speeds = np.linspace(*table.speed_range, table.points)
         diagram = campbell_diagram(machine, parameters, speeds, visit, table.max_damping_ratio)
         critical = critical_speeds(machine, parameters, diagram, table.max_damping_ratio)
-        linear = _linear_bearings(machine, parameters, case.case, diagram, visit)
+        linear = _linear_bearings(machine, parameters, named.case, diagram, visit)
     except StopRequested:
-        return StageResult(case.case_id, True, "stopped on request")
+        return StageResult(named.case_id, True, "stopped on request")
     resonances = parametric_resonances([one.speed for one in critical.found], table.orders)
     arrays = _campbell_arrays(diagram) | _critical_arrays(machine, critical.found)
     arrays |= _resonance_arrays(resonances)
     attributes: dict[str, Any] = {"condensation_error": None, "caution": ""}
     if linear is not None:
         at_operation = int(np.argmin(np.abs(linear.speeds - parameters[0])))
-        arrays |= _comparison_arrays(machine, _comparison(machine, case.case, linear, at_operation))
+        arrays |= _comparison_arrays(machine, _comparison(machine, named.case, linear, at_operation))
         speeds_found = [one.speed for one in critical.found]
-        checked = checked_modes(machine, case.case, linear, at_operation, speeds_found)
+        checked = checked_modes(machine, named.case, linear, at_operation, speeds_found)
         arrays |= checked.arrays
         attributes = {"condensation_error": checked.error, "caution": checked.caution}
     attributes |= {"request": request, **_missing_attributes(diagram, critical, speeds)}
     write_group(store, group, "criticals", arrays, attributes)
-    report(Progress("criticals", case.case_id, total, total))
-    return _result(case.case_id, store, group)
+    report(Progress("criticals", named.case_id, total, total))
+    return _result(named.case_id, store, group)
 
 
 def _missing_attributes(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> dict[str, Any]:

@@ -34,29 +34,28 @@ from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 HIDDEN = "the instability lies at speeds without equilibrium"
 
 
-def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+def linearize(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill the group ``linear`` of a case, speed by speed from the lowest; resumes after the last speed."""
     store = open_for_writing(store_path)
-    machine, parameters = build_machine(case.case), reference_parameters(case.case)
-    table = case.case.linearize
+    machine, parameters = build_machine(named.case), reference_parameters(named.case)
+    table = named.case.linearize
     speeds = np.linspace(*table.speed_range, table.points)
-    group = case_group(case.case_id, "linear")
+    group = case_group(named.case_id, "linear")
     with open_branch(
-        store, group, "linear", _sizes(machine, case.case), {"whirl_ratio": np.array(table.whirl_ratios)},
+        store, group, "linear", _sizes(machine, named.case), {"whirl_ratio": np.array(table.whirl_ratios)},
         {"request": table.model_dump(mode="json")},
     ) as branch:  # fmt: skip
         if branch.status != ENDED:
             reasons: dict[int, str] = {}
             for index in range(branch.n_points, table.points):
                 if should_stop():
-                    return StageResult(case.case_id, True, "stopped on request")
+                    return StageResult(named.case_id, True, "stopped on request")
                 equilibrium = equilibrium_along(machine, parameters, speeds, index, _last_state(branch))
                 reasons[index] = equilibrium.reason
                 at = at_speed(parameters, float(speeds[index]))
-                branch.commit(_row(machine, at, case.case, equilibrium))
-                report(
-                    Progress("linearize", case.case_id, index + 1, table.points, f"speed {speeds[index]:.4g}")
-                )
+                branch.commit(_row(machine, at, named.case, equilibrium))
+                message = f"speed {speeds[index]:.4g}"
+                report(Progress("linearize", named.case_id, index + 1, table.points, message))
             rows = read_group(store, group, ("speed", "state", "eigenvalues")).arrays
             missing = _missing(machine, parameters, rows, reasons)
             _finish(
@@ -65,7 +64,7 @@ def linearize(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
                 {} if len(missing) == table.points else _instability(machine, parameters, rows),
             )
     attributes = read_group(store, group, ()).attributes
-    return _result(case.case_id, attributes)
+    return _result(named.case_id, attributes)
 
 
 def reference_parameters(case: Case) -> Array:

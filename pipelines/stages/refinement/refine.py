@@ -40,22 +40,22 @@ ALL_RECOMPUTED = "all points are recomputed"
 NOTHING = "no bifurcation is stored"
 
 
-def refine(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+def refine(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill the group ``refinement`` of a case with one row per bifurcation point.
 
     Points that already have a row are left alone.
     """
-    store, group = open_for_writing(store_path), case_group(case.case_id, "refinement")
-    points = stored_points(store, case.case_id, case.case.refine.points_per_curve)
+    store, group = open_for_writing(store_path), case_group(named.case_id, "refinement")
+    points = stored_points(store, named.case_id, named.case.refine.points_per_curve)
     known = _known(store, group)
     waiting = [point for point in points if point.key not in known]
     if points:
-        with _open(store, group, case.case, len(known) + len(waiting)) as branch:
+        with _open(store, group, named.case, len(known) + len(waiting)) as branch:
             if waiting:
-                _fill(branch, case, waiting, report, should_stop)
+                _fill(branch, named, waiting, report, should_stop)
     if not store.has_group(group):
-        return StageResult(case.case_id, True, NOTHING, "continue cycles through a bifurcation first")
-    return _result(case.case_id, read_group(store, group))
+        return StageResult(named.case_id, True, NOTHING, "continue cycles through a bifurcation first")
+    return _result(named.case_id, read_group(store, group))
 
 
 def _known(store: Store, group: str) -> set[tuple[int, int, int]]:
@@ -89,20 +89,24 @@ def _unknowns(case: Case, grid: Grid) -> int:
 
 
 def _fill(
-    branch: BranchWriter, case: NamedCase, waiting: list[StoredPoint], report: Report, should_stop: ShouldStop
+    branch: BranchWriter,
+    named: NamedCase,
+    waiting: list[StoredPoint],
+    report: Report,
+    should_stop: ShouldStop,
 ) -> None:
     """Recompute the points one after the other; a request to stop leaves the group open."""
-    grids, order = grid_family(case.case), FORMAL_ORDERS[case.case.numerics.scheme]
-    levels = [build_level(case.case, grid) for grid in grids]
-    source, total = build_machine(case.case), branch.n_points + len(waiting)
+    grids, order = grid_family(named.case), FORMAL_ORDERS[named.case.numerics.scheme]
+    levels = [build_level(named.case, grid) for grid in grids]
+    source, total = build_machine(named.case), branch.n_points + len(waiting)
     for point in waiting:
         if should_stop():
             return
         found = refine_point(source, levels, point)
         known = estimate(point.value, grids, found, order)
-        branch.commit(_row(case.case, point, found, known))
+        branch.commit(_row(named.case, point, found, known))
         message = _message(point, found, known)
-        report(Progress("refine", case.case_id, branch.n_points, total, message))
+        report(Progress("refine", named.case_id, branch.n_points, total, message))
     branch.finish(ALL_RECOMPUTED)
 
 

@@ -1,8 +1,8 @@
 """`agfb compare-paper`: the numbers that the paper prints beside those of stored bifurcation sets.
 
-The paper speaks of the threshold speed as that of the Neimark-Sacker bifurcation, also where a period
-doubling comes before it (Fig. 4a).  So the threshold at an excitation frequency is here the lowest
-Neimark-Sacker point of a cycle that is otherwise stable, and the anti-resonance is a maximum of it over the
+In the paper the threshold speed is that of the Neimark-Sacker bifurcation, even if a period doubling comes at
+a lower speed (Fig. 4a).  The threshold at an excitation frequency is therefore the lowest Neimark-Sacker
+point of a cycle that is otherwise stable, and an anti-resonance is a maximum of the threshold over the
 excitation frequency.
 """
 
@@ -30,10 +30,10 @@ from pipelines.stages.reports.operating_range import (
 )
 
 Finding = tuple[float | None, str]
-"""A number of ours, None where the plane has none, and a remark that says why or how."""
+"""A computed number, None where the plane has none, and a remark on it."""
 
-PROMINENCE = 0.01  # in speed: lower maxima of the threshold are no anti-resonance
-NARROW = 0.02  # of the plane's width: curves whose ends are nearer leave nothing open between them
+PROMINENCE = 0.01  # in speed: less prominent maxima of the threshold are no anti-resonance
+NARROW = 0.02  # of the plane's width: a narrower gap between the ends of two curves does not count as open
 NOT_COMPLETE = "the search of the plane is not complete"
 OPEN_END = "at least: no Neimark-Sacker point up to the highest speed of the plane"
 NO_MAXIMUM = "the threshold has no maximum in the plane"
@@ -47,7 +47,7 @@ RECONSTRUCTION = (
 
 @dataclass(frozen=True)
 class Printed:
-    """What the paper prints for one foil stiffness at the largest displacement, 0.2, and where."""
+    """Numbers that the paper prints for one foil stiffness at the largest displacement, 0.2."""
 
     foil_stiffness: float
     low_threshold: float
@@ -79,8 +79,10 @@ IN_THE_PAPER = {
 
 @dataclass(frozen=True)
 class Row:
-    """One number: printed (None where the paper gives none), ours (None where no store tells), both
-    dimensionless, and a remark that says why or how.  ``source``: a key of `IN_THE_PAPER`.
+    """One dimensionless number of the paper beside that of the stores, with a remark.
+
+    ``printed``: None where the paper gives no number; ``ours``: None where no store has one; ``source``: a
+    key of ``IN_THE_PAPER``.
     """
 
     quantity: str
@@ -108,7 +110,7 @@ class Row:
 
 @dataclass(frozen=True)
 class PaperPlane:
-    """What a store has of one case, and its threshold over the excitation frequency, found once."""
+    """The bifurcation set of one case, and its threshold over the excitation frequency, computed once."""
 
     stored: StoredPlane
 
@@ -119,7 +121,7 @@ class PaperPlane:
 
     @cached_property
     def threshold(self) -> SpeedPlane:
-        """The plane with its Neimark-Sacker curves alone: other losses of stability do not count."""
+        """The plane with its Neimark-Sacker curves alone: other bifurcations do not count."""
         none = np.zeros(0, dtype=np.int64)
         curves = self.of_kind("neimark_sacker")
         return replace(self.plane, curves=curves, samples=np.zeros((0, 2)), unstable=none)
@@ -130,7 +132,7 @@ class PaperPlane:
         return tuple(lower_envelope(self.threshold)) if self.threshold.curves else ()
 
     def of_kind(self, bifurcation: str) -> list[BifurcationCurve]:
-        """Its curves of one kind."""
+        """The curves of one kind."""
         return [curve for curve in self.plane.curves if curve.bifurcation == bifurcation]
 
 
@@ -220,11 +222,11 @@ def threshold_at(stored: PaperPlane, frequency: float) -> Finding:
 
 
 def maxima(stored: PaperPlane) -> list[Boundary]:
-    """Maxima of the threshold over the excitation frequency, inside the plane, by rising frequency; where
-    nothing bounds the speed, the middle of the open interval.
+    """Maxima of the threshold over the excitation frequency, inside the plane, by rising frequency.
 
-    Within a tongue of period doublings, and between the ends of curves that nearly meet, the threshold is
-    not known: it has a gap, whose edges may be maxima.
+    Where the threshold lies above the plane, the middle of that interval counts as a maximum.  Within a
+    tongue of period doublings, and between the ends of curves that nearly meet, the threshold is not known:
+    it has a gap, whose edges may be maxima.
     """
     heights = np.array([boundary.speed for boundary in stored.envelope])
     low, high = stored.plane.abscissae
@@ -256,7 +258,7 @@ def highest_maximum(stored: PaperPlane) -> Finding:
 
 
 def _threshold_rows(printed: Printed, case: PaperCase) -> list[Row]:
-    """The rows of one stiffness that speak of thresholds."""
+    """The rows with the thresholds of one stiffness."""
     at = printed.antiresonance
     return [
         _row(case, AT_LOW_FREQUENCY, "low threshold", printed.low_threshold,
@@ -272,7 +274,7 @@ def _threshold_rows(printed: Printed, case: PaperCase) -> list[Row]:
 
 
 def _largest_gain(rows: Sequence[Row]) -> Row:
-    """The gain of the stiffness that gains most, from the rows of all."""
+    """The largest gain in threshold speed over all stiffnesses, from their rows."""
     lows = [row for row in rows if row.quantity == AT_LOW_FREQUENCY]
     tops = [row for row in rows if row.quantity == AT_NEAREST_MAXIMUM]
     gains = {
@@ -339,7 +341,7 @@ def _as_text(intervals: Sequence[tuple[float, float]]) -> str:
 
 
 def _smallest_displacement_rows(stiffness: float, cases: Sequence[PaperCase]) -> list[Row]:
-    """How far the smallest displacement of a stiffness moves the threshold from that of resting rings."""
+    """How much the smallest displacement changes the threshold of a stiffness, against resting rings."""
     at_low = f"change of the threshold by the smallest displacement, at {REFERENCE_FREQUENCY:g}"
     anywhere, source = "the same, largest over the excitation frequency", "smallest displacement"
     moving = [case for case in cases if case.foil_stiffness == stiffness and case.displacement > 0.0]
@@ -373,8 +375,9 @@ def _change_anywhere(stored: PaperPlane) -> Finding:
 
 
 def _count_rows(case: PaperCase, cases: Sequence[PaperCase]) -> list[Row]:
-    """Number of curves of period doublings of a case and how much of the excitation frequency they cover;
-    none is printed for the smallest displacement of the stores.
+    """Number of period-doubling curves of a case, and how much of the excitation frequency they cover.
+
+    The paper states that there are none at the smallest displacement.
     """
     moving = sorted({each.displacement for each in cases if each.displacement > 0.0})
     printed = 0.0 if len(moving) > 1 and case.displacement == moving[0] else None

@@ -214,7 +214,7 @@ class _Chain:
     Deaths count since the case had ``committed`` so many points.
     """
 
-    case: NamedCase
+    named: NamedCase
     stages: list[str]
     deaths: int = 0
     committed: int = 0
@@ -261,7 +261,7 @@ class _Campaign:
         for address in sorted(free):
             if self.waiting:
                 chain = self.waiting.popleft()
-                work = task(chain.stages[0], chain.case, self.store_path)
+                work = task(chain.stages[0], chain.named, self.store_path)
                 future = self.client.submit(_on_worker, work, self.stop.name, pure=False, workers=[address])
                 self.running[address] = _Running(future, chain)
 
@@ -271,7 +271,7 @@ class _Campaign:
     def _end(self, run: _Running) -> Iterator[tuple[str, StageResult]]:
         """Results of a task that has ended, and of tasks that cannot follow it; the others wait again."""
         self.report_events()
-        chain, case_id = run.chain, run.chain.case.case_id
+        chain, case_id = run.chain, run.chain.named.case_id
         records = _records(run.future)
         if records is not None:
             for record in records:
@@ -296,7 +296,7 @@ class _Campaign:
 
         Workers that live shorter than their task are no reason to give up.
         """
-        states = [state for state in watch(self.store_path) if state.case == chain.case.case_id]
+        states = [state for state in watch(self.store_path) if state.case == chain.named.case_id]
         committed = totals(states).points
         chain.deaths = chain.deaths + 1 if committed <= chain.committed else 1
         chain.committed = committed

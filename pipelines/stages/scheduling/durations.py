@@ -24,7 +24,7 @@ from pipelines.orbits.equilibria.equilibrium import Equilibrium, machine_equilib
 from pipelines.orbits.equilibria.linear import at_speed, linear_point
 from pipelines.orbits.shooting import CycleProblem, NewtonStop, Unknowns, first_basis
 from pipelines.orbits.steppers import ImplicitStepper
-from pipelines.orbits.time_steps import first_steps, required_steps_at
+from pipelines.orbits.time_steps import MOST_STEPS, first_steps, required_steps_at, steps_stable_at
 from pipelines.stages.cycles.problem import INITIAL_COLUMNS, cycle_problem
 from pipelines.stages.linear.linearize import reference_parameters
 from pipelines.stages.refinement.levels import case_on, grid_family
@@ -107,7 +107,7 @@ def _campbell_speed(machine: Machine, case: Case) -> float | None:
 
 
 def _pass(machine: Machine, case: Case) -> float | None:
-    """All tangents over one period, with the number of steps that the equilibrium's multipliers require."""
+    """All tangents over one period, with the number of steps that a cycle near the equilibrium requires."""
     problem = cycle_problem(machine, case)
     period_map, parameters = problem.period_map, problem.parameters
     found = machine_equilibrium(machine, parameters)
@@ -115,15 +115,16 @@ def _pass(machine: Machine, case: Case) -> float | None:
         return None
     state, period = period_map.extend(found.state), _period(problem)
     guess = problem.consistent(Unknowns(state, period, float(parameters[problem.index])))
-    first = first_steps(problem, guess)
-    if isinstance(first, NewtonStop):
-        return None
-    steps = required = first
     if isinstance(period_map.stepper, ImplicitStepper):
+        steps = first_steps(problem, guess)
+        assert not isinstance(steps, NewtonStop)  # only explicit steppers are too stiff
         basis = first_basis(problem, guess, steps)
         image = period_map.evaluate(state, parameters, period, steps, basis)
         required = required_steps_at(period_map, problem.options, basis, image).steps
-    else:  # its steps follow from stability: a stiff machine may ask for millions
+    else:  # a pass with the steps that stability requires may take minutes: a share of them is timed
+        required = steps_stable_at(problem, guess)
+        if required > MOST_STEPS:
+            return None
         steps = period_map.rounded_steps(min(required, _MEASURED_STEPS))
         basis = np.eye(period_map.size, min(INITIAL_COLUMNS, period_map.size))
     seconds = []

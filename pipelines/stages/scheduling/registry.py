@@ -50,7 +50,7 @@ class Stage(Protocol):
     """The signature of every stage function."""
 
     def __call__(
-        self, case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+        self, named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
     ) -> StageResult:
         """Compute one case into its groups of the store."""
 

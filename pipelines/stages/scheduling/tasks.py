@@ -42,9 +42,9 @@ def run_stages(
             yield stage, StageResult.from_dict(record)
 
 
-def task(stage: str, case: NamedCase, store_path: Path) -> dict[str, Any]:
+def task(stage: str, named: NamedCase, store_path: Path) -> dict[str, Any]:
     """The task for `run_task` as a plain dictionary."""
-    return {"stage": stage, "case": case.as_dict(), "store": str(store_path)}
+    return {"stage": stage, "case": named.as_dict(), "store": str(store_path)}
 
 
 def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -> dict[str, Any]:
@@ -67,15 +67,15 @@ def run_task(task: Mapping[str, Any], report: Report, should_stop: ShouldStop) -
     return result.as_dict() | {"seconds": time.perf_counter() - begin}
 
 
-def _condensation_caution(case: NamedCase, store: Path) -> str:
+def _condensation_caution(named: NamedCase, store: Path) -> str:
     from pipelines.stages.linear.condensed_modes import condensation_caution  # loads the kernels
 
-    return condensation_caution(case, open_for_reading(store))
+    return condensation_caution(named, open_for_reading(store))
 
 
-def _failure(case: NamedCase, error: Exception, failed_by: FailedBy, advice: str) -> StageResult:
+def _failure(named: NamedCase, error: Exception, failed_by: FailedBy, advice: str) -> StageResult:
     return StageResult(
-        case_id=case.case_id,
+        case_id=named.case_id,
         ok=False,
         stop_reason=str(error) if failed_by == "store" else f"unexpected {type(error).__name__}: {error}",
         advice=advice,

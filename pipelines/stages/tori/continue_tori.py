@@ -27,13 +27,13 @@ COMPLETE = frozenset(
 )
 
 
-def continue_tori(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+def continue_tori(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill groups of a case with branches of tori; resumes after the last point.
 
     ``tori/q000``, ... from the Neimark-Sacker points inside the range, or ``tori/u000`` and with both
     directions ``u001`` with unbalance.
     """
-    job = Job.of("continue-tori", case, store_path, report, should_stop)
+    job = Job.of("continue-tori", named, store_path, report, should_stop)
     refusal = _refusal(job)
     if refusal is not None:
         return refusal
@@ -41,7 +41,7 @@ def continue_tori(case: NamedCase, store_path: Path, report: Report, should_stop
     for source in _sources(job):
         if should_stop():
             break
-        letter = LETTERS[case.case.continue_tori.origin]
+        letter = LETTERS[named.case.continue_tori.origin]
         groups.append(f"tori/{letter}{len(groups):03d}")
         trace_tori(job, groups[-1], source)
     return _result(job, groups)

@@ -62,7 +62,7 @@ class RunStop(Enum):
 SUCCESSFUL = frozenset({RunStop.FINISHED.word, RunStop.TOUCH.word, RunStop.VACUUM.word})
 
 
-def transient(case: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
+def transient(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill a group ``transient/t000``, ... of a case; resumes at the last checkpoint.
 
     The group whose tables [transient] and [unbalance] are these, or the next free one. The analysis of
@@ -70,26 +70,26 @@ def transient(case: NamedCase, store_path: Path, report: Report, should_stop: Sh
     """
     store = open_for_writing(store_path)
     try:
-        run = prepare_run(case, store)
+        run = prepare_run(named, store)
     except CannotRunError as error:
-        return StageResult(case.case_id, False, error.reason, error.advice)
-    sizes, static = _sizes(run), _static(run, case)
+        return StageResult(named.case_id, False, error.reason, error.advice)
+    sizes, static = _sizes(run), _static(run, named)
     with open_branch(store, run.group, "transient", sizes, static, run.attributes) as branch:
         if branch.status != ENDED:
-            _follow(run, branch, case.case_id, report, should_stop)
+            _follow(run, branch, named.case_id, report, should_stop)
         ended = branch.status == ENDED
     if ended:
         write_transient_analysis(store, run.machine, run.group)
-    return _result(case, store, run.group)
+    return _result(named, store, run.group)
 
 
-def outlook(case: NamedCase, store_path: Path | None) -> Outlook:
+def outlook(named: NamedCase, store_path: Path | None) -> Outlook:
     """What is left of a case's run, also without a store; computes a few steps and writes nothing.
 
     Raises CannotRunError, and StoreError for a store that cannot be read.
     """
     store = open_for_reading(store_path) if store_path is not None and store_path.exists() else None
-    run = prepare_run(case, store)
+    run = prepare_run(named, store)
     done = 0
     if store is not None and run.start is None:
         found = read_group(store, run.group, ("checkpoint_step",))
@@ -112,9 +112,9 @@ def _sizes(run: Run) -> dict[str, int]:
     }
 
 
-def _static(run: Run, case: NamedCase) -> dict[str, Any]:
+def _static(run: Run, named: NamedCase) -> dict[str, Any]:
     return {
-        **coordinates(case.case),
+        **coordinates(named.case),
         "plane_node": np.array([mass.node for mass in run.masses], dtype=np.int32),
         "plane_moment": np.array([mass.moment for mass in run.masses], dtype=float),
         "plane_phase": np.array([mass.phase for mass in run.masses], dtype=float),
@@ -206,7 +206,7 @@ def _stop(run: Run, block: Block) -> tuple[str, str]:
     return stop.word, stop.advice.format(bearing=bearing, value=value, time=now, limit=limit)
 
 
-def _result(case: NamedCase, store: Store, group: str) -> StageResult:
+def _result(named: NamedCase, store: Store, group: str) -> StageResult:
     found = read_group(store, group, ("time", "speed", "minimum_film"))
     attributes = found.attributes
     reason = attributes["stop_reason"] or "stopped on request"
@@ -219,4 +219,4 @@ def _result(case: NamedCase, store: Store, group: str) -> StageResult:
             "thinnest film": float(np.min(found["minimum_film"])),
         }
     summary["steps per period"] = attributes["steps_per_period"]
-    return StageResult(case.case_id, ok, reason, attributes["stop_advice"], summary)
+    return StageResult(named.case_id, ok, reason, attributes["stop_advice"], summary)
