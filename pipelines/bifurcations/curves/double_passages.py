@@ -8,11 +8,16 @@ tests the parabola through their last three values tells where they may dip thro
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pipelines.bifurcations.continuation import hermite_weights
 from pipelines.bifurcations.curve import SpecialKind
-from pipelines.bifurcations.curves.segment import Bracket, CurveSegment, NotConvergedError, SegmentPoints
+from pipelines.bifurcations.curves.segment import (
+    Bracket,
+    CurveSegment,
+    NotConvergedError,
+    SegmentPoints,
+    root,
+)
 from pipelines.bifurcations.cycles.double_crossings import lowest_beyond, lowest_inside
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 
@@ -74,7 +79,7 @@ def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, 
         return value
 
     try:
-        lowest = float(brentq(slope, 0.0, 1.0, xtol=1e-6))
+        lowest = root(slope, 0.0, 1.0, 1e-6)
         beyond = sign * points.critical(lowest).cos_theta - 1.0
     except NotConvergedError:
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -302,8 +303,10 @@ class SegmentPoints:
 
     def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
         if fraction not in self._corrected:
-            for other, (history, found, near) in self._corrected.items():  # of the last point they are enough
-                self._corrected[other] = history, found.without_factors(), near
+            self._corrected = {  # free the factors of the last point before the next one makes its own
+                known: (history, point.without_factors(), anchor)
+                for known, (history, point, anchor) in self._corrected.items()
+            }
             anchor = min(self._anchors, key=lambda known: abs(known.fraction - fraction))
             correction = self.segment.correct_at(fraction, anchor)
             point = correction.point
@@ -313,6 +316,19 @@ class SegmentPoints:
             bordering = next_bordering(point.basis, point.critical)
             self._anchors.append(Anchor(fraction, point.position, point.basis, bordering, point.gradient))
         return self._corrected[fraction]
+
+
+def root(function: Callable[[float], float], low: float, high: float, width: float) -> float:
+    """A zero of a function of the fraction that changes sign between ``low`` and ``high``.
+
+    scipy's own reference to a function lasts until the garbage collector comes, and with it the points that
+    the function holds: here it is cleared.
+    """
+    held = [function]
+    try:
+        return float(brentq(lambda fraction: held[0](fraction), low, high, xtol=width))
+    finally:
+        held.clear()
 
 
 def _from_pair(points: SegmentPoints, special: SpecialKind) -> bool:
@@ -361,11 +377,9 @@ def locate_special(
         return value
 
     try:
-        tolerance = 4.0 * np.finfo(float).eps
         if from_pair and special <= SpecialKind.R2:
             width = min(width, _END_WIDTH)
-        width = max(width / segment.length, 1e-14)
-        fraction = float(brentq(test, *bracket.fractions, xtol=width, rtol=tolerance))
+        fraction = root(test, *bracket.fractions, max(width / segment.length, 1e-14))
         end = segment.end if fraction == 1.0 else points.end(fraction, with_form, not from_pair)
     except NotConvergedError:
         return None
