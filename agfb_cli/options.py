@@ -121,6 +121,7 @@ NO_FIGURES = OwnOption(
 def with_own_options(command: Callable[..., None], options: Sequence[OwnOption]) -> Callable[..., None]:
     """The command, a function of the shared options and `**own`, as one that has its own options too."""
     signature = inspect.signature(command, eval_str=True)
+    assert all(own.before in signature.parameters for own in options)
     parameters: list[inspect.Parameter] = []
     for shared in signature.parameters.values():
         parameters += [

@@ -87,13 +87,6 @@ def eigenpairs_near(jacobian: sparse.csc_array, shifts: ComplexArray, count: int
     return Eigenpairs(values, vectors, residuals)
 
 
-def nearest_eigenpair(jacobian: sparse.csc_array, expected: complex) -> tuple[complex, ComplexArray]:
-    """The eigenvalue nearest an expected one, and its eigenvector (N,)."""
-    pairs = eigenpairs_near(jacobian, np.array([expected]), 2)
-    nearest = int(np.argmin(np.abs(pairs.values - expected)))
-    return complex(pairs.values[nearest]), pairs.vectors[:, nearest]
-
-
 def _arnoldi(jacobian: sparse.csc_array, shift: complex, count: int) -> tuple[ComplexArray, ComplexArray]:
     """Eigenpairs nearest a shift by Arnoldi on (J - shift I)^-1, from a fixed start vector (reproducible)."""
     size = jacobian.shape[0]
