@@ -12,7 +12,7 @@ from pipelines.bifurcations.branch import BranchStart, ContinuationOptions
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.tori.fourier import angles, interpolated
 from pipelines.bifurcations.tori.slow_bases import SlowBases, aligned_frames, constant_bases, leading_columns
-from pipelines.bifurcations.tori.stability import settled_spectrum, torus_spectrum
+from pipelines.bifurcations.tori.stability import converged_spectrum, torus_spectrum
 from pipelines.bifurcations.tori.start import torus_from_event
 from pipelines.bifurcations.tori.torus import TorusOptions, TorusState, TorusStop
 from pipelines.orbits.floquet import BasisOptions
@@ -64,7 +64,7 @@ def test_few_columns_and_all_of_them(short_chain: tuple[CycleProblem, Event]) ->
     assert np.max(np.abs(slow.unknowns.states - full.unknowns.states)) < 1e-8
     assert slow.unknowns.parameter == pytest.approx(full.unknowns.parameter, abs=1e-9)
     assert slow.unknowns.rotation == pytest.approx(full.unknowns.rotation, abs=1e-9)
-    settled, found = settled_spectrum(few.problem, slow)
+    settled, found = converged_spectrum(few.problem, slow)
     exact = torus_spectrum(all_of_them.problem, full)
     assert found.complete
     # 0.9959, then pairs: residuals of 1e-5 leave less than that
@@ -116,7 +116,7 @@ def test_longer_chain_needs_no_more_columns() -> None:
     assert torus is not None
     assert torus.bases.columns.shape == (15, 100, 12)
     assert torus.residual <= problem.options.tolerance
-    _, spectrum = settled_spectrum(born.problem, torus)
+    _, spectrum = converged_spectrum(born.problem, torus)
     growth = event.transversality * (torus.unknowns.parameter - event.parameters[0])
     assert spectrum.moduli[0] == pytest.approx(1.0 - 2.0 * growth, abs=1e-4)
 

@@ -114,5 +114,5 @@ def _never() -> bool:
 def test_every_stage_has_a_function_and_is_foreseen() -> None:
     for name in registry.STAGES:
         parameters = inspect.signature(registry.stage_function(name)).parameters
-        assert list(parameters) == ["case", "store_path", "report", "should_stop"], name
+        assert list(parameters) == ["named", "store_path", "report", "should_stop"], name
     assert {*plan._EXTENTS, "transient"} == set(registry.STAGES)
