@@ -1,6 +1,6 @@
 """Chunks of one array: each chunk is one file, encoded and decoded here.
 
-Zarr writes and reads the same bytes, through its event loop and in four times the time; a commit has some
+Zarr writes and reads the same bytes, through its event loop and in three times the time; a commit has some
 forty small files. What its environment and its files of settings say about that does not matter here, and
 every failure names a file.
 """
