@@ -90,9 +90,10 @@ def stage_command(
 ) -> Callable[..., None]:
     """Make the command that runs `stages` in order on every case.
 
-    ``options``: those that the command has beside the shared ones; with `REFINE`, which commands have whose
-    stages locate bifurcations, the stage `refine` may follow. ``admit``: looks at the chosen cases before
-    anything is written, and raises to refuse them. ``conclude``: what follows, by default `close`.
+    ``options``: the command's own options. `REFINE` is for stages that locate bifurcations: the user may ask
+    for the stage `refine` after them.
+    ``admit``: checks the chosen cases before anything is written, and raises to refuse them.
+    ``conclude``: what follows the stages, by default `close`.
     """
 
     def command(

@@ -135,7 +135,7 @@ class Machine:
             force = influence[influence.any(axis=1)] @ linear.force[:, pressures]
             entries += [*linear.entries, coupling.ravel(), force.ravel()]
         rotor = self.space.constant + parameters[film.SPEED] * self.space.per_speed
-        return self.pattern.matrix([*entries, rotor[self._rotor_places()]])
+        return self.pattern.matrix([*entries, rotor[self._rotor_places]])
 
     @cached_property
     def pattern(self) -> SparsePattern:
@@ -150,7 +150,7 @@ class Machine:
             driven = self.rotor_start + np.flatnonzero(self._influence(b).any(axis=1))
             rows, columns = films.places
             places += [(first + rows, first + columns), grid(pressures, journal), grid(driven, pressures)]
-        rows, columns = self._rotor_places()
+        rows, columns = self._rotor_places
         return SparsePattern.of(self.size, [*places, (self.rotor_start + rows, self.rotor_start + columns)])
 
     def _influence(self, bearing: int) -> Array:
@@ -160,6 +160,7 @@ class Machine:
             self.scales.bearings[bearing].force_ratio * self.space.force_input[:, dof : dof + 2]
         )
 
+    @cached_property
     def _rotor_places(self) -> Places:
         """Where the rotor's own matrix has entries at some speed."""
         rows, columns = np.nonzero((self.space.constant != 0.0) | (self.space.per_speed != 0.0))

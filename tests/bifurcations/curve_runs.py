@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -71,18 +72,7 @@ class CountingMap(PeriodMap):
 
     passes: list[int] = field(default_factory=list)
 
-    def evaluate(  # type: ignore[override]
-        self,
-        state,
-        parameters,
-        period,
-        steps,
-        columns=None,
-        inhomogeneous=(),
-        reference=None,
-        keep_factors=False,
-    ) -> PeriodImage:
-        self.passes.append((0 if columns is None else columns.shape[1]) + len(inhomogeneous))
-        return super().evaluate(
-            state, parameters, period, steps, columns, inhomogeneous, reference, keep_factors
-        )
+    def evaluate(self, *arguments: Any, **options: Any) -> PeriodImage:
+        image = super().evaluate(*arguments, **options)
+        self.passes.append(image.columns.shape[1] + image.inhomogeneous.shape[1])
+        return image

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pipelines import machine
-from pipelines.machine import kernels, lanes, plain_lanes
+from pipelines.machine import kernels, lanes, plain_lanes, vector_lanes
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.machine.lanes import LANES
 from pipelines.machine.rates import UNSIGNED
@@ -28,10 +28,6 @@ from tests.machines import case
 
 ROOT = Path(__file__).parents[2]
 ROWS = 16
-
-vector_lanes = pytest.importorskip(
-    "pipelines.machine.vector_lanes", reason="numba's interfaces have changed", exc_type=Exception
-)
 
 
 def sums(module: ModuleType) -> Any:
