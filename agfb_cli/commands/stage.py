@@ -149,10 +149,11 @@ def execute(stages: Stages, request: Request, console: Console, admit: Admit | N
         refuse_other_store(request, named_cases)
         admit(chosen, request, console)
     with Interruption(console) as interruption:
-        prepare(request, named_cases, console)
+        put_aside(request, console)
         from pipelines.datasets.watching import command_lock
 
-        with command_lock(request.store):
+        with command_lock(request.store):  # before the store is there: whoever sees it sees the command
+            prepare(request, named_cases, console)
             outcome = compute(stages, chosen, request, console, interruption)
     if interruption.exit_code is not None:
         show_interruption(outcome, request, console)
@@ -230,14 +231,19 @@ def compute(
     return outcome
 
 
-def prepare(request: Request, named_cases: Sequence[NamedCase], console: Console) -> None:
-    """Create the store, or check that the one that exists was made from the same configuration."""
-    with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
-        from pipelines.datasets.store import move_aside
-        from pipelines.stages.scheduling.preparation import prepare_store
+def put_aside(request: Request, console: Console) -> None:
+    """Move a store that exists out of the way of `--force`."""
+    from pipelines.datasets.store import move_aside
 
     if request.force and request.store.exists():
         console.message(f"moved the old store to {relative(move_aside(request.store))}")
+
+
+def prepare(request: Request, named_cases: Sequence[NamedCase], console: Console) -> None:
+    """Create the store, or check that the one that exists was made from the same configuration."""
+    with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
+        from pipelines.stages.scheduling.preparation import prepare_store
+
     prepare_store(request.store, named_cases, ["agfb", *sys.argv[1:]])
 
 

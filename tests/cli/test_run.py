@@ -10,7 +10,12 @@ import time
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+import pipelines.stages.scheduling.preparation as preparation
+from agfb_cli.errors import ExitCode
+from agfb_cli.main import app
+from pipelines.datasets.watching import commands
 from tests.helpers.tiny import CONFIG, ROOT, TINY
 from tests.helpers.trees import compare_trees, tree
 
@@ -69,6 +74,23 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict]]
     _, messages = running.communicate(timeout=180)
     assert running.returncode == 0, messages
     return folder, [json.loads(line) for line in looks.splitlines()]
+
+
+def test_the_command_is_seen_before_the_store_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A store that is there without its command would look ended to who watches it from the start."""
+    seen: list[tuple[bool, int]] = []
+
+    def full_disk(store: Path, *rest: object) -> None:
+        seen.append((store.exists(), len(commands(store))))
+        raise OSError(28, "No space left on device", str(store))
+
+    monkeypatch.setattr(preparation, "prepare_store", full_disk)
+    words = ["linearize", str(CONFIG), "-o", str(tmp_path / "run.zarr"), *RUN[4:]]
+    assert CliRunner().invoke(app, words).exit_code == ExitCode.RESOURCES
+    assert seen == [(False, 1)]
+    assert not list(tmp_path.iterdir()), "the lock is gone with its command"
 
 
 @pytest.mark.slow
