@@ -16,7 +16,7 @@ from tests.benchmarks.commits import commits
 from tests.benchmarks.curves import curve_point
 from tests.benchmarks.cycles import branch_point, full_monodromy, further_columns, growth, tangent_batch
 from tests.benchmarks.instability import backward_error
-from tests.benchmarks.measuring import Measurement, markdown_table, write_json
+from tests.benchmarks.measuring import Measurement, markdown_table, recorded_values, write_json
 from tests.benchmarks.memory import peak_memory
 from tests.benchmarks.settings import FULL, QUICK, Settings
 from tests.benchmarks.steppers import stepper_ratios
@@ -41,6 +41,9 @@ ENTRIES: dict[str, Callable[[Settings], list[Measurement]]] = {
 }
 
 
+PAGE = Path(__file__).parents[2] / "configs" / "performance.md"
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the named entries, or all; the table goes to stdout, progress to stderr."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description=__doc__)
@@ -59,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stderr.flush()
         found += ENTRIES[name](QUICK if options.quick else FULL)
         sys.stderr.write(f"{time.monotonic() - start:.0f} s\n")
-    sys.stdout.write(markdown_table(found))
+    sys.stdout.write(markdown_table(found, recorded_values(PAGE.read_text())))
     write_json(options.output, found)
 
 

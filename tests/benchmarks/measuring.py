@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,10 +61,18 @@ def growth_exponent(sizes: Sequence[float], times: Sequence[float]) -> float:
     return float(np.polyfit(np.log(sizes), np.log(times), 1)[0])
 
 
-def markdown_table(measurements: Sequence[Measurement]) -> str:
-    """The table as configs/performance.md shows it."""
-    rows = [f"| `{m.name}` | {m.value:.3g} | {m.unit} | {m.what} |" for m in measurements]
-    return "\n".join(["| name | value | unit | what |", "|---|---|---|---|", *rows]) + "\n"
+def recorded_values(page: str) -> dict[str, str]:
+    """The values by name that a page like configs/performance.md records, as it prints them."""
+    return dict(re.findall(r"^\| `(\w+)` \| ([^|]+?) \|", page, re.MULTILINE))
+
+
+def markdown_table(measurements: Sequence[Measurement], recorded: Mapping[str, str]) -> str:
+    """A table of what was measured, with the recorded value of each name beside it."""
+    rows = [
+        f"| `{m.name}` | {m.value:.3g} | {recorded.get(m.name, '')} | {m.unit} | {m.what} |"
+        for m in measurements
+    ]
+    return "\n".join(["| name | value | recorded | unit | what |", "|---|---|---|---|---|", *rows]) + "\n"
 
 
 def write_json(path: Path, measurements: Sequence[Measurement]) -> None:

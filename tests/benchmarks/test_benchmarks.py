@@ -10,10 +10,16 @@ import pytest
 
 from pipelines.machine.lanes import LANES
 from pipelines.orbits.floquet import deterministic_block
-from tests.benchmarks.__main__ import ENTRIES, main
+from tests.benchmarks.__main__ import ENTRIES, PAGE, main
 from tests.benchmarks.arithmetic import film_multiply_adds
 from tests.benchmarks.brusselator import FREQUENCY, START, chain
-from tests.benchmarks.measuring import growth_exponent, interleaved
+from tests.benchmarks.measuring import (
+    Measurement,
+    growth_exponent,
+    interleaved,
+    markdown_table,
+    recorded_values,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -55,6 +61,19 @@ def test_the_file_and_the_table(name: str, tmp_path: Path, capsys: pytest.Captur
     out, err = capsys.readouterr()
     assert [line.split("`")[1] for line in out.splitlines()[2:]] == list(content)
     assert err.startswith(name)
+
+
+def test_recorded_values_stand_beside_the_measured() -> None:
+    page = (
+        "# Performance\n\n| name | value | what |\n|---|---|---|\n| `a_ratio` | 3.2 (2.8 to 3.5) | a / b |\n"
+    )
+    measured = [Measurement("a_ratio", 3.456, "1", "a / b"), Measurement("c", 0.1, "s", "new")]
+    assert recorded_values(page) == {"a_ratio": "3.2 (2.8 to 3.5)"}
+    assert markdown_table(measured, recorded_values(page)).splitlines()[2:] == [
+        "| `a_ratio` | 3.46 | 3.2 (2.8 to 3.5) | 1 | a / b |",
+        "| `c` | 0.1 |  | s | new |",
+    ]
+    assert {"curve_point_ratio", "campaign_ratio"} <= recorded_values(PAGE.read_text()).keys()
 
 
 def test_an_unknown_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
