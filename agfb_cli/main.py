@@ -23,6 +23,7 @@ from agfb_cli.commands import (
     run,
     schema,
     status,
+    table,
     track_curves,
     transient,
     validate,
@@ -106,6 +107,7 @@ app.command("transient", help=transient.HELP)(transient.transient)
 app.command("run", help=run.HELP)(run.run)
 app.command("calibrate", help=calibrate.HELP)(calibrate.calibrate)
 app.command("report")(report.report)
+app.command("table")(table.case_table)
 app.command("figures")(figures.figures)
 app.command("validate")(validate.validate)
 app.command("schema")(schema.schema)

@@ -222,7 +222,7 @@ def combinations(sweeps: Sequence[Sweep]) -> Iterator[tuple[str, tuple[tuple[Any
     keys = [key for sweep in sweeps for key in sweep.keys]
     if twice := next((key for key in keys if keys.count(key) > 1), None):
         raise MisplacedError(f"has the key {twice} twice")
-    short = dict(zip(keys, _short_names(keys), strict=True))
+    short = dict(zip(keys, short_names(keys), strict=True))
     named = [sweep.names(short) for sweep in sweeps]
     for sweep, names in zip(sweeps, named, strict=True):
         if len(set(names)) != len(names):
@@ -240,7 +240,7 @@ def _fitting(case_id: str) -> str:
     return f"{case_id[: LONGEST_ID - _DIGITS - 1]}-{digits}"
 
 
-def _short_names(keys: Sequence[str]) -> list[str]:
+def short_names(keys: Sequence[str]) -> list[str]:
     """The shortest ends of the keys that distinguish them."""
     names = []
     for key in keys:

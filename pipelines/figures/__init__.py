@@ -7,4 +7,5 @@
 - bifurcation_diagram, bifurcation_tree, multipliers, orbits, refinement: branches of cycles
 - stability_map, map_sets, resonance_lines: bifurcation sets in the plane
 - response_envelope, run_motion, tori: transients and tori
+- sensitivity: results over the keys in which the cases differ
 """

@@ -15,7 +15,8 @@ from types import MappingProxyType
 
 from matplotlib.figure import Figure
 
-from pipelines.datasets.reading import list_cases
+from pipelines.datasets.case_table import case_table
+from pipelines.datasets.reading import case_attributes, list_cases
 from pipelines.datasets.store import Store, StoreError, open_for_reading
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES
@@ -32,6 +33,7 @@ from pipelines.figures.orbits import draw_film, draw_orbits
 from pipelines.figures.response_envelope import draw_envelope, draw_unbalance
 from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_spectrum, draw_waterfall
 from pipelines.figures.runs import RunView
+from pipelines.figures.sensitivity import TABLE_KINDS, table_plans
 from pipelines.figures.several_cases import JOINT_KINDS, joint_plans
 from pipelines.figures.stability_map import PlaneView, draw_stability_map, map_stem, same_plane
 from pipelines.figures.tori import draw_section, draw_tori, is_unbalanced
@@ -69,7 +71,7 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
         **dict.fromkeys(("unbalance", "waterfall", "spectrum", "poincare", "modal-energy"), ("transient",)),
     }
 )
-ALL_KINDS = (*FIGURE_KINDS, *JOINT_KINDS)
+ALL_KINDS = (*FIGURE_KINDS, *JOINT_KINDS, *TABLE_KINDS)
 
 
 def _ignore(message: str) -> None:
@@ -172,6 +174,24 @@ def _planned(
         found = [case for case in read if case is not None]
         for plan in joint_plans(found, joint, notify if asked else _ignore):
             yield Path(plan.stem), plan
+    of_table = [kind for kind in kinds if kind in TABLE_KINDS]
+    if of_table and (asked or len(chosen) > 1):
+        for plan in _table_plans(opened, chosen, of_table, notify if asked else _ignore, damaged):
+            yield Path(plan.stem), plan
+
+
+def _table_plans(
+    store: Store, cases: Sequence[str], kinds: Sequence[str], notify: Notify, damaged: list[StoreError]
+) -> list[FigurePlan]:
+    """The figures of all cases' inputs and results; collects the error of an unreadable group."""
+    try:
+        table = case_table(store, cases)
+        note = str(case_attributes(store, cases[0]).get("reconstruction") or "")
+    except StoreError as error:
+        notify(f"{' and '.join(kinds)} left out: {error.message}")
+        damaged.append(error)
+        return []
+    return list(table_plans(table, kinds, note, notify))
 
 
 def _plans(
