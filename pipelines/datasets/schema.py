@@ -157,6 +157,21 @@ MACHINE = GroupSpec(
         _real("element_length", "element", "length of the shaft elements", "m"),
         _real("element_outer", "element", "outer diameter of the shaft elements", "m"),
         _real("element_inner", "element", "inner diameter of the shaft elements", "m"),
+        _real(
+            "element_outer_right",
+            "element",
+            "outer diameter at the right ends; the other is at the left",
+            "m",
+        ),
+        _real(
+            "element_inner_right",
+            "element",
+            "inner diameter at the right ends; the other is at the left",
+            "m",
+        ),
+        _real(
+            "element_axial_force", "element", "axial force in the shaft elements, positive for tension", "N"
+        ),
         _count(
             "element_material",
             "element",

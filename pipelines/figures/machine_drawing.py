@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -50,8 +52,11 @@ def draw_machine(case: CaseView) -> Figure:
 def _reach(machine: Table) -> float:
     """Largest drawn radius [mm]."""
     bearings = (1.0 + HOUSING) * machine["bearing_radius"]
-    diameters = [machine["element_outer"], machine.optional("disc_diameter_equivalent")]
-    return MILLIMETRES * max(float(np.max(bearings)), *(0.5 * float(np.max(d)) for d in diameters if len(d)))
+    discs = machine.optional("disc_diameter_equivalent")
+    shaft = _end_diameters(machine, "element_outer")
+    return max(
+        MILLIMETRES * float(np.max(bearings)), 0.5 * float(np.max(shaft)), *(0.5 * MILLIMETRES * discs)
+    )
 
 
 def material_colour(index: int) -> str:
@@ -59,16 +64,19 @@ def material_colour(index: int) -> str:
     return MATERIAL_COLOURS[index % len(MATERIAL_COLOURS)]
 
 
+def _end_diameters(machine: Table, name: str) -> NDArray[np.float64]:
+    """Diameters [mm] of the elements at their left and right ends, (2, elements); a cylinder has one."""
+    left, right = machine[name], machine.optional(f"{name}_right")
+    return MILLIMETRES * np.array([left, right if right.size else left])
+
+
 def _draw_elements(axes: Axes, machine: Table, position: NDArray[np.float64]) -> None:
-    for element, (start, length) in enumerate(
-        zip(position[:-1], MILLIMETRES * machine["element_length"], strict=True)
-    ):
+    outer, inner = (0.5 * _end_diameters(machine, name).T for name in ("element_outer", "element_inner"))
+    for element, ends in enumerate(pairwise(position)):
         colour = material_colour(int(machine["element_material"][element]))
-        outer = 0.5 * MILLIMETRES * float(machine["element_outer"][element])
-        inner = 0.5 * MILLIMETRES * float(machine["element_inner"][element])
-        _box(axes, start, length, -outer, outer, colour, zorder=2)
-        if inner > 0.0:
-            _box(axes, start, length, -inner, inner, "white", zorder=2.5)
+        _trapezium(axes, ends, outer[element], colour, zorder=2)
+        if inner[element].any():
+            _trapezium(axes, ends, inner[element], "white", zorder=2.5)
 
 
 def _draw_discs(axes: Axes, machine: Table, position: NDArray[np.float64]) -> None:
@@ -98,10 +106,11 @@ def _draw_bearing(axes: Axes, machine: Table, bearing: int) -> None:
 
 
 def _draw_supports(axes: Axes, machine: Table, position: NDArray[np.float64], reach: float) -> None:
-    outer = MILLIMETRES * machine["element_outer"]
+    left, right = _end_diameters(machine, "element_outer")
+    at_node = np.append(left, right[-1])
     for node in machine.optional("support_node"):
         x, size = float(position[node]), 0.22 * reach
-        top = -0.5 * float(outer[min(node, len(outer) - 1)])
+        top = -0.5 * float(at_node[node])
         corners = [(x, top), (x - size, top - 1.4 * size), (x + size, top - 1.4 * size)]
         axes.add_patch(
             Polygon(corners, closed=True, facecolor="white", edgecolor="#333333", linewidth=0.8, zorder=3)
@@ -147,6 +156,17 @@ def _draw_span(axes: Axes, machine: Table, position: NDArray[np.float64], reach:
         va="center",
         fontsize=7.5,
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+    )
+
+
+def _trapezium(
+    axes: Axes, ends: tuple[float, float], radii: NDArray[np.float64], colour: str, zorder: float
+) -> None:
+    """Side view of a cylinder or cone between two places, with its radii there."""
+    left, right = ends
+    corners = [(left, -radii[0]), (left, radii[0]), (right, radii[1]), (right, -radii[1])]
+    axes.add_patch(
+        Polygon(corners, closed=True, facecolor=colour, edgecolor="#333333", linewidth=0.6, zorder=zorder)
     )
 
 
