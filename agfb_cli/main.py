@@ -17,6 +17,7 @@ from agfb_cli.commands import (
     doctor,
     export,
     figures,
+    import_model,
     info,
     linearize,
     report,
@@ -109,6 +110,7 @@ app.command("calibrate", help=calibrate.HELP)(calibrate.calibrate)
 app.command("report")(report.report)
 app.command("table")(table.case_table)
 app.command("figures")(figures.figures)
+app.add_typer(import_model.app, name="import", help=import_model.HELP)
 app.command("validate")(validate.validate)
 app.command("schema")(schema.schema)
 app.command("info")(info.info)

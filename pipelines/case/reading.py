@@ -30,7 +30,7 @@ from pipelines.case.sweeps import (
     sweep_of,
 )
 
-__all__ = ["CaseError", "NamedCase", "Problem", "read_cases", "stage_problems"]
+__all__ = ["CaseError", "NamedCase", "Problem", "parse_toml", "read_cases", "stage_problems"]
 
 _NOWHERE = Places("", {})
 
@@ -77,7 +77,7 @@ def read_cases(
 
     Raises CaseError with all problems.
     """
-    document = _parse(text, name)
+    document = parse_toml(text, name)
     places = Places(name, key_lines(text))
     problems: list[Problem] = []
     sweeps = _sweeps(document, places, problems)
@@ -99,7 +99,8 @@ def read_cases(
     return tuple(cases)
 
 
-def _parse(text: str, name: str) -> Document:
+def parse_toml(text: str, name: str) -> Document:
+    """The document of a TOML text; raises CaseError with the line for other text."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -1,15 +1,16 @@
-"""Write ross_rotor.toml, ross_rotor_eigenvalues.csv and ross_parts.toml: rotors saved by ROSS, for the tests.
+"""Write rotors saved by ROSS and the eigenvalues of one: ross_rotor.toml, ross_parts.toml, a table.
 
 ROSS (https://github.com/petrobras/ross, Apache-2.0) is never a dependency here: see make_ross_fixture.py for
 an environment of its own, in which this script is run,
 
     /tmp/ross/bin/python tests/reference/make_ross_rotor_fixture.py
 
-``ross_rotor.toml`` is what `Rotor.save` writes for a rotor of everything that `agfb import ross` carries
-over: cones, hollow parts, two materials, an axial force, discs, a point mass and bearings with constant
-coefficients. The table holds its eigenvalues [rad/s] at several speeds, from the lateral part of the matrices
-that ROSS assembles: ROSS's own list mixes them with axial and torsional modes. ``ross_parts.toml`` is a rotor
-with parts and options that cannot be carried over; a gear is missing, because ROSS 2.3.0 cannot save one.
+``configs/models/ross_rotor.toml`` is what `Rotor.save` writes for a rotor of everything that `agfb import
+ross` carries over: cones, hollow parts, two materials, an axial force, discs, a point mass and bearings with
+constant coefficients. ``ross_rotor_eigenvalues.csv`` holds its eigenvalues [rad/s] at several speeds, from
+the lateral part of the matrices that ROSS assembles: ROSS's own list mixes in axial and torsional modes.
+``ross_parts.toml`` is a rotor with parts and options that cannot be carried over; a gear is missing, because
+ROSS 2.3.0 cannot save one.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import ross
 from scipy import linalg
 
 FOLDER = Path(__file__).parent
+MODEL = FOLDER.parents[1] / "configs" / "models" / "ross_rotor.toml"  # a page imports it too
 SPEEDS = (0.0, 1000.0, 3000.0, 6000.0)  # rad/s
 MODES = 10
 NODE_FREEDOMS = 6  # x, y, z, alpha, beta, theta
@@ -74,6 +76,8 @@ def rotor_of_other_parts() -> ross.Rotor:
         L=0.04, idl=0.014, odl=0.034, material=STEEL, shear_method_calc="hutchinson", gyroscopic=False
     )
     elements.append(ross.CouplingElement(m_l=0.2, m_r=0.2, Ip_l=1e-4, Ip_r=1e-4, kr_z=1e5, tag="coupling"))
+    for node, element in enumerate(elements):
+        element.n = node  # ROSS would count the sleeve
     sleeve = ross.ShaftElement(n=7, L=0.03, idl=0.022, odl=0.026, material=TITANIUM, tag="sleeve")
     speeds = [100.0, 1000.0, 3000.0]
     bearings = [
@@ -86,7 +90,7 @@ def rotor_of_other_parts() -> ross.Rotor:
     ]
     masses = [ross.PointMass(n=2, mx=0.1, my=0.2, tag="half"), ross.PointMass(n=11, m=5.0, tag="block")]
     return ross.Rotor(
-        [*elements[:7], elements[7], sleeve, *elements[8:]],
+        [*elements[:8], sleeve, *elements[8:]],
         [ross.DiskElement(n=0, m=0.1, Id=1e-5, Ip=1.5e-5, tag="wheel")],
         bearings,
         masses,
@@ -120,8 +124,7 @@ def lateral_eigenvalues(model: ross.Rotor, speed: float) -> np.ndarray:
 
 def main() -> None:
     model = rotor()
-    rotor_file = FOLDER / "ross_rotor.toml"
-    model.save(rotor_file)
+    model.save(MODEL)
     rows = [
         "# ROSS " + ross.__version__ + ", make_ross_rotor_fixture.py; all numbers in rad/s",
         "speed,real,imaginary",
