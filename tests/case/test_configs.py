@@ -5,16 +5,14 @@ from __future__ import annotations
 import fnmatch
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
 
 from pipelines.case.reading import read_cases
+from tests.helpers.configurations import CONFIGS, FILES
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 # Foil stiffness and the excitation frequency at which the paper finds its anti-resonance.
 ANTIRESONANCES = {3: 0.63, 10: 0.70, 20: 0.72, 50: 0.74}
-FILES = sorted(CONFIGS.rglob("*.toml"))
 
 
 def test_the_promised_configurations_are_there():

@@ -11,9 +11,10 @@ from pipelines.case.imports.draft import case_name, draft_text, masters_of
 from pipelines.case.imports.parts import Imported
 from pipelines.case.imports.ross import read_ross
 from pipelines.case.reading import CaseError, read_cases
+from tests.helpers.configurations import MODELS
 
 ROOT = Path(__file__).parents[2]
-MODEL = (ROOT / "configs" / "models" / "ross_rotor.toml").read_text()
+MODEL = (MODELS / "ross_rotor.toml").read_text()
 PARTS = (ROOT / "tests" / "reference" / "ross_parts.toml").read_text()
 FOIL = ["radius", "length", "clearance", "foil.rigid", "foil.loss_factor"]
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from pipelines.case.reading import CaseError, Problem, read_cases, stage_problems
 from pipelines.case.stage_checks import STAGE_TABLES
 from pipelines.stages.scheduling.registry import STAGES
+from tests.helpers.configurations import FILES
 
 RIGID = "bearings.foil={rigid=true}"
 RING = "[excitation.ring]\ninner_radius = 0.02\nthickness = 2e-3\nwidth = 0.02\nyoung_modulus = 2e11\n"
@@ -139,6 +138,6 @@ def test_a_load_up_to_the_film_is_allowed(text: str) -> None:
 
 
 def test_the_configurations_that_come_with_agfb_run_their_chain() -> None:
-    for path in sorted((Path(__file__).parents[2] / "configs").rglob("*.toml")):
+    for path in FILES:
         for named in read_cases(path.read_text(), str(path)):
             assert stage_problems(named, ("linearize", "criticals", "continue_cycles", "transient")) == []

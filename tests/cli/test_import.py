@@ -9,8 +9,7 @@ import pytest
 
 from agfb_cli.errors import ExitCode
 from tests.cli.conftest import ROOT, Program
-
-MODELS = ROOT / "configs" / "models"
+from tests.helpers.configurations import MODELS
 
 
 def test_a_rotor_of_ross_becomes_a_configuration(program: Program, tmp_path: Path) -> None:

@@ -15,9 +15,10 @@ from pipelines.case.reading import read_cases
 from pipelines.case.rotor import Rotor
 from pipelines.machine.rotor_modes import oscillating_modes
 from pipelines.machine.shaft import assemble_rotor
+from tests.helpers.configurations import MODELS
 
 ROOT = Path(__file__).parents[2]
-MODEL = ROOT / "configs" / "models" / "ross_rotor.toml"
+MODEL = MODELS / "ross_rotor.toml"
 TABLE = ROOT / "tests" / "reference" / "ross_rotor_eigenvalues.csv"
 BEARING = (
     "bearings.radius=0.0125",
