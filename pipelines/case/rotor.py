@@ -303,6 +303,11 @@ class Disc(GrownTable):
             )
         return value
 
+    @property
+    def has_dimensions(self) -> bool:
+        """Whether it is given by dimensions and material."""
+        return self.outer_diameter is not None
+
     def inertia(self, materials: Mapping[str, Material]) -> DiscInertia:
         """Mass and moments of inertia, given or those of a ring of the material.
 
@@ -413,7 +418,7 @@ class Rotor(Table):
         if total > MAXIMUM_ELEMENTS:
             problems.append(f"make {total} elements; at most {MAXIMUM_ELEMENTS} are allowed")
         materials = info.data.get("materials")
-        problems += _unknown_materials(elements, materials)
+        problems += _unknown_materials(elements, materials) or _buckled(elements, materials)
         if problems:
             raise InconsistentError(*problems)
         if materials is not None and not 0 < (mass := _mass(materials, elements, ())) <= MAXIMUM_MASS:
@@ -533,8 +538,25 @@ def _unknown_materials(
     return [
         ((index, "material"), message)
         for index, part in enumerate(parts)
-        if part.material not in materials and not (isinstance(part, Disc) and part.mass is not None)
+        if part.material not in materials and not (isinstance(part, Disc) and not part.has_dimensions)
     ]
+
+
+def _buckled(elements: Sequence[Element], materials: Mapping[str, Material] | None) -> list[Inconsistency]:
+    """Elements that would buckle between their own nodes: P > pi^2 E I/l^2 of their thick end."""
+    if materials is None:
+        return []
+    problems: list[Inconsistency] = []
+    for index, element in enumerate(elements):
+        ends = ((element.outer_diameter, element.inner_diameter), element.right_diameters)
+        second_moment = max(math.pi / 64 * (outer**4 - inner**4) for outer, inner in ends)
+        modulus = materials[element.material].young_modulus
+        most = math.pi**2 * modulus * second_moment / element.length**2
+        if -element.axial_force > most:
+            problems.append(
+                ((index, "axial_force"), f"buckles the element itself: {most:.4g} N of compression at most")
+            )
+    return problems
 
 
 def _mass(materials: Mapping[str, Material], elements: tuple[Element, ...], discs: tuple[Disc, ...]) -> float:

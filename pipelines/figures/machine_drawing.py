@@ -79,13 +79,26 @@ def _draw_elements(axes: Axes, machine: Table, position: NDArray[np.float64]) ->
             _trapezium(axes, ends, inner[element], "white", zorder=2.5)
 
 
+def _disc_dimensions(machine: Table) -> NDArray[np.float64]:
+    """Outer diameter, inner diameter and width [mm] of the discs, (discs, 3); NaN where not known."""
+    count = machine.optional("disc_node").size
+    found = [machine.optional(name) for name in ("disc_outer", "disc_inner", "disc_width")]
+    return MILLIMETRES * np.array([each if each.size else np.full(count, np.nan) for each in found]).T
+
+
 def _draw_discs(axes: Axes, machine: Table, position: NDArray[np.float64]) -> None:
-    width = LEAST_DISC_WIDTH * float(position[-1] - position[0])
-    for node, diameter in zip(
-        machine.optional("disc_node"), machine.optional("disc_diameter_equivalent"), strict=True
+    thin = LEAST_DISC_WIDTH * float(position[-1] - position[0])
+    for node, equivalent, (outer, inner, width) in zip(
+        machine.optional("disc_node"),
+        MILLIMETRES * machine.optional("disc_diameter_equivalent"),
+        _disc_dimensions(machine),
+        strict=True,
     ):
-        radius = 0.5 * MILLIMETRES * float(diameter)
-        _box(axes, position[node] - 0.5 * width, width, -radius, radius, DISC_COLOUR, zorder=3)
+        if np.isnan(outer):
+            _box(axes, position[node] - 0.5 * thin, thin, -0.5 * equivalent, 0.5 * equivalent, DISC_COLOUR, 3)
+            continue
+        for low, high in ((-0.5 * outer, -0.5 * inner), (0.5 * inner, 0.5 * outer)):
+            _box(axes, position[node] - 0.5 * width, width, low, high, DISC_COLOUR, zorder=3)
 
 
 def _draw_bearing(axes: Axes, machine: Table, bearing: int) -> None:
@@ -207,9 +220,9 @@ def _legend(machine: Table) -> list[Line2D | Patch]:
         for index in used
     ]
     if len(machine.optional("disc_node")):
-        handles.append(
-            Patch(facecolor=DISC_COLOUR, edgecolor="#333333", linewidth=0.6, label="disc (equal inertia)")
-        )
+        to_scale = not np.isnan(_disc_dimensions(machine)).any()
+        label = "disc" if to_scale else "disc (equal inertia)"
+        handles.append(Patch(facecolor=DISC_COLOUR, edgecolor="#333333", linewidth=0.6, label=label))
     handles.append(
         Patch(
             facecolor=BEARING_COLOUR,

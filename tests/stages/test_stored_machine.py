@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
+from matplotlib.patches import Rectangle
 
 from pipelines.case.reading import read_cases
 from pipelines.datasets.integrity import verify
@@ -23,7 +24,14 @@ CONES = (
     "rotor.elements.axial_force=250.0",
     "rotor.discs.0={ node = 0, outer_diameter = 0.06, inner_diameter = 0.02, width = 0.01 }",
 )
-RIGHT = ("element_outer_right", "element_inner_right", "element_axial_force")
+NEW = (
+    "disc_outer",
+    "disc_inner",
+    "disc_width",
+    "element_outer_right",
+    "element_inner_right",
+    "element_axial_force",
+)
 
 
 def stored(folder: Path, overrides: tuple[str, ...]) -> Path:
@@ -44,12 +52,13 @@ def test_both_ends_of_cones_are_stored(tmp_path: Path) -> None:
     assert machine["element_axial_force"].values.tolist() == [250.0] * 14
     mass = 7850.0 * np.pi / 4 * (0.06**2 - 0.02**2) * 0.01
     assert float(machine["disc_mass"][0]) == pytest.approx(mass, rel=1e-14)
+    np.testing.assert_array_equal(machine["disc_width"], [0.01, np.nan])
     assert verify(open_for_reading(path)) == []
 
 
 def test_a_machine_of_cylinders_has_the_arrays_of_earlier_versions(tmp_path: Path) -> None:
     machine = read_group(open_for_reading(stored(tmp_path, ())), "cases/smoke/machine")
-    assert not set(RIGHT) & set(machine.arrays)
+    assert not set(NEW) & set(machine.arrays)
 
 
 def test_cones_are_drawn_with_both_ends(tmp_path: Path) -> None:
@@ -64,3 +73,6 @@ def test_cones_are_drawn_with_both_ends(tmp_path: Path) -> None:
         [0.0, -8.8], [0.0, 8.8], [round(length, 6), 9.3], [round(length, 6), -9.3], [0.0, -8.8]
     ] in corners  # fmt: skip
     assert len(corners) == 28  # each element and its bore
+    boxes = [patch.get_bbox() for patch in axes.patches if isinstance(patch, Rectangle)]
+    rings = sorted((box.y0, box.y1) for box in boxes if box.x0 == -5.0 and box.width == 10.0)
+    assert rings == [(-30.0, -10.0), (10.0, 30.0)]  # the disc by dimensions; the other is a thin plate

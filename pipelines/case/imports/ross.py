@@ -304,7 +304,8 @@ def _coefficients(part: _Part, rated: Any, findings: Findings) -> tuple[dict[str
     speeds = [float(speed) for speed in listed] if _numbers(listed) else []
     lists: dict[str, list[float]] = {}
     for key in (*COEFFICIENTS.values(), *UNCOUPLED):
-        written = part.values.get(key, [0.0])
+        written = part.values.get(key, 0.0)
+        written = written if isinstance(written, list) else [written]
         if not _numbers(written) or len(written) not in {1, len(speeds)}:
             findings.refuse(
                 part.line, f"{part.name}: {key}", "must be a list with a number for each frequency"

@@ -87,6 +87,14 @@ def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
         arrays |= {"element_outer_right": np.array(outer), "element_inner_right": np.array(inner)}
     if any(element.axial_force for element in elements):
         arrays["element_axial_force"] = np.array([element.axial_force for element in elements])
+    if any(disc.has_dimensions for disc in rotor.discs):
+        unknown = (np.nan, np.nan, np.nan)
+        sizes = [
+            (disc.outer_diameter, disc.inner_diameter, disc.width) if disc.has_dimensions else unknown
+            for disc in rotor.discs
+        ]
+        names = ("disc_outer", "disc_inner", "disc_width")
+        arrays |= dict(zip(names, np.array(sizes, dtype=float).T.copy(), strict=True))
     if rotor.slope_nodes:
         arrays["slope_node"] = np.array(rotor.slope_nodes, dtype=np.int32)
     return arrays, {"material_names": materials}
