@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.case.models import Case
+from pipelines.case.models import Case, Rotor
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.provenance import provenance
@@ -55,7 +55,7 @@ def case_attributes(named: NamedCase) -> dict[str, Any]:
 
 
 def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Arrays and attributes of a case's group ``machine``; what few machines have only where it is."""
+    """Arrays and attributes of a case's group ``machine``"""
     rotor, bearings = case.rotor, case.bearings
     elements, discs = rotor.single_elements(), rotor.disc_inertias
     materials = list(rotor.materials)
@@ -82,6 +82,13 @@ def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
         "bearing_clearance": np.array([bearing.clearance for bearing in bearings]),
         "master_node": np.array(rotor.master_nodes, dtype=np.int32),
     }
+    return arrays | _rare_arrays(rotor), {"material_names": materials}
+
+
+def _rare_arrays(rotor: Rotor) -> dict[str, Any]:
+    """Arrays of cones, axial forces, discs by dimensions and kept slopes, where the rotor has them."""
+    arrays: dict[str, Any] = {}
+    elements = rotor.single_elements()
     if any(element.is_cone for element in elements):
         outer, inner = zip(*(element.right_diameters for element in elements), strict=True)
         arrays |= {"element_outer_right": np.array(outer), "element_inner_right": np.array(inner)}
@@ -97,4 +104,4 @@ def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
         arrays |= dict(zip(names, np.array(sizes, dtype=float).T.copy(), strict=True))
     if rotor.slope_nodes:
         arrays["slope_node"] = np.array(rotor.slope_nodes, dtype=np.int32)
-    return arrays, {"material_names": materials}
+    return arrays
