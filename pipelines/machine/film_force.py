@@ -357,9 +357,9 @@ def film_force(padded, integers, scalars, arrays, gradient, scratch):
             for k in range(1, nodes + 1):
                 x += scale * (row[k] - 1.0) * cosine[k]
                 y += scale * (row[k] - 1.0) * sine[k]
-            if wanted:
-                gradient[0, j * nodes : (j + 1) * nodes] = scale * cosine[1 : nodes + 1]
-                gradient[1, j * nodes : (j + 1) * nodes] = scale * sine[1 : nodes + 1]
+                if wanted:
+                    gradient[0, j * nodes + k - 1] = scale * cosine[k]
+                    gradient[1, j * nodes + k - 1] = scale * sine[k]
             continue
         _fill_coefficients(row, integers, scratch[COEFFICIENT])
         own_x, own_y = _station_force(scratch, cosine, sine, integers, scalars, wanted)

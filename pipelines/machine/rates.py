@@ -345,6 +345,7 @@ def tangent_workspace(nodes, stations, work):
 def machine_tangent(phase, state, block, parameters, constants, layout, work, out):
     """J(phase, state) @ block: linearise both bearings, then treat the block in chunks of columns."""
     columns, start, size = block.shape[1], layout[ROTOR_STATE], layout[ROTOR_SIZE]
+    two = np.int64(2)  # a literal 2 would be compiled on its own
     rotor_tangent(block, parameters[SPEED], constants, layout, out)
     for bearing in range(BEARINGS):
         integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
@@ -357,8 +358,8 @@ def machine_tangent(phase, state, block, parameters, constants, layout, work, ou
         for first in range(0, columns, LANES):
             width = min(LANES, columns - first)
             gather_lanes(block, first, width, row, unknowns, lanes)
-            gather_lanes(block, first, width, journal, 2, lanes[unknowns * LANES :])
-            gather_lanes(block, first, width, journal + size, 2, lanes[(unknowns + 2) * LANES :])
+            gather_lanes(block, first, width, journal, two, lanes[unknowns * LANES :])
+            gather_lanes(block, first, width, journal + size, two, lanes[(unknowns + 2) * LANES :])
             foil_lanes(lanes, parameters, integers, scalars, arrays, clearance, image)
             film_lanes(lanes, terms, integers, image)
             scatter_lanes(image, first, width, row, unknowns, out)

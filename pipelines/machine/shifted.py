@@ -51,7 +51,7 @@ from .film import (
     film_layout,
     foil_coefficients,
 )
-from .kernels import FACTORISE, SOLVE, kernel
+from .kernels import FACTORISE, SOLVE, assign, kernel
 from .lanes import LANES, accumulate_lanes, set_lanes
 from .rates import (
     BEARINGS,
@@ -232,6 +232,14 @@ def _film_blocks(terms, shift, foil, nodes, stations, node, blocks):
 
 
 @kernel(error_model="numpy")
+def _copy(matrix, out):
+    """out = matrix, without the checks of numba's own assignment, which take long to compile."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = matrix[i, j]
+
+
+@kernel(error_model="numpy")
 def _eliminate(terms, shift, foil, integers, work, blocks):
     """Block elimination along theta into ``blocks`` (LOWER, INVERSE, UPPER, COLUMN, ROW)."""
     nodes, stations, periodic = integers[NODES], integers[STATIONS], integers[PERIODIC] == 1
@@ -240,7 +248,7 @@ def _eliminate(terms, shift, foil, integers, work, blocks):
     # (row).
     own, seam, column, row = matrices[:3], matrices[3:6], matrices[6], matrices[7]
     _film_blocks(terms, shift, foil, nodes, stations, nodes - 1, seam)
-    row[:, :] = seam[2]
+    _copy(seam[2], row)
     count = nodes - 1 if periodic else nodes
     for i in range(count):
         _film_blocks(terms, shift, foil, nodes, stations, i, own)
@@ -248,13 +256,13 @@ def _eliminate(terms, shift, foil, integers, work, blocks):
         lower[:, :] = 0.0
         upper[:, :] = 0.0
         if i == 0:
-            column[:, :] = own[0]
+            _copy(own[0], column)
         else:
             # M_i = L_i D_{i-1}^-1,   D_i <- D_i - L_i (D_{i-1}^-1 U_{i-1})
             _multiply_add(own[0], blocks[INVERSE, i - 1], -1.0, lower)
             _multiply_add(own[0], blocks[UPPER, i - 1], 1.0, own[1])
             if periodic:
-                own[0, :, :] = column
+                _copy(column, own[0])
                 column[:, :] = 0.0
                 _multiply_add(lower, own[0], 1.0, column)
         _invert(own[1], inverse)
@@ -270,7 +278,7 @@ def _eliminate(terms, shift, foil, integers, work, blocks):
             _multiply_add(inverse, column, -1.0, blocks[COLUMN, i])
             _multiply_add(row, inverse, -1.0, blocks[ROW, i])
             _multiply_add(row, blocks[COLUMN, i], 1.0, seam[1])
-            own[0, :, :] = row
+            _copy(row, own[0])
             row[:, :] = 0.0
             _multiply_add(own[0], upper, 1.0, row)
         else:
@@ -378,7 +386,7 @@ def _fill_right_sides(terms, shift, relaxation, scale, integers, arrays, right, 
                 journal[r * LANES + 2 + k] = -shift * scale * terms[THICKNESS_RATE, r] * trig[i + 1]
 
 
-@kernel(error_model="numpy")
+@kernel(error_model="numpy", inline="always")  # its one caller would compile all of it once more
 def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layout, work, factors, response):
     """Compute the factors of one film and the derivatives of its force with the journal's motion.
 
@@ -393,7 +401,9 @@ def _factorise_bearing(phase, state, parameters, shift, bearing, constants, layo
     flexibility, relaxation = foil_coefficients(parameters, integers, scalars)
     foil[0] = 1.0 / (1.0 + shift * relaxation)
     weights = arrays[film_layout(integers).weights :]
-    foil[1:] = shift * flexibility * foil[0] * weights[: integers[STATIONS]]
+    own = shift * flexibility * foil[0]
+    for j in range(integers[STATIONS]):
+        foil[1 + j] = own * weights[j]
     _fill_right_sides(terms, shift, relaxation, 1.0 / clearance, integers, arrays, right, journal)
     _eliminate(terms, shift, foil, integers, work, blocks)
     _solve_film(blocks, integers, work, journal)
@@ -405,7 +415,7 @@ def _invert_if_finite(matrix, inverse):
     """Fill ``inverse``, with NaN if ``matrix`` is not finite: Newton's method of the stage then stops."""
     inverse[:, :] = np.nan
     if np.isfinite(np.sum(matrix)):
-        inverse[:, :] = np.linalg.inv(matrix)
+        _copy(np.linalg.inv(matrix), inverse)
 
 
 @kernel()
@@ -417,10 +427,19 @@ def _factorise_rotor(shift, speed, constants, layout, start, factors):
         return
     header[0], header[1] = shift, speed
     stiffness, damping, gyroscopic, influence, _ = rotor_views(constants, layout)
-    resistance = np.eye(size) + shift * (damping + speed * gyroscopic) + shift * shift * stiffness
+    resistance = np.empty((size, size))
+    for i in range(size):
+        for j in range(size):
+            resistance[i, j] = 1.0 if i == j else 0.0
+            resistance[i, j] += shift * (damping[i, j] + speed * gyroscopic[i, j])
+            resistance[i, j] += shift * shift * stiffness[i, j]
     _invert_if_finite(resistance, inverse)
-    flexible[:, :] = -shift * (inverse @ stiffness)
-    compliance[:, :] = shift * (inverse @ influence)
+    by_stiffness, by_influence = inverse @ stiffness, inverse @ influence
+    for i in range(size):
+        for j in range(size):
+            flexible[i, j] = -shift * by_stiffness[i, j]
+        for j in range(FORCES):
+            compliance[i, j] = shift * by_influence[i, j]
 
 
 @kernel()
@@ -431,13 +450,13 @@ def _closing_workspace(work):
     return work[:a], work[a:b].reshape(FORCES, FORCES), work[b:]
 
 
-@kernel(FACTORISE)
+@kernel(FACTORISE, error_model="numpy")
 def machine_factorise(phase, state, parameters, shift, constants, layout, work, factors):
     """Fill ``factors`` of I - shift J(phase, state) for ``machine_solve``.
 
     They must be zeros before the first call.
     """
-    size, offset = layout[ROTOR_SIZE], 0
+    size, offset = layout[ROTOR_SIZE], np.int64(0)  # a literal 0 would compile all that takes it twice
     response, matrix, scratch = _closing_workspace(work)
     for bearing in range(BEARINGS):
         integers, _, _, _ = bearing_views(bearing, constants, layout)
@@ -501,7 +520,7 @@ def _solve_rotor(factors, layout, lanes, force, work):
 def machine_solve(factors, constants, layout, work, lanes):
     """lanes <- (I - shift J)^-1 lanes for LANES columns; ``lanes`` (size * LANES,) holds them row by row."""
     force, journal, scratch = work[: FORCES * LANES], work[: FORCES * LANES], work[FORCES * LANES :]
-    offset = 0
+    offset = np.int64(0)
     for bearing in range(BEARINGS):
         integers, _, _, _ = bearing_views(bearing, constants, layout)
         film, own = _film_factors(integers, offset, factors), lanes[integers[PRESSURE] * LANES :]
@@ -509,13 +528,13 @@ def machine_solve(factors, constants, layout, work, lanes):
         _solve_bearing(film, integers, scratch, own, force[at : at + 2 * LANES])
         offset = film.end
     _solve_rotor(_rotor_factors(layout[ROTOR_SIZE], offset, factors), layout, lanes, force, scratch)
-    offset = 0
+    offset = np.int64(0)
     for bearing in range(BEARINGS):
         integers, _, _, _ = bearing_views(bearing, constants, layout)
         film, own = _film_factors(integers, offset, factors), lanes[integers[PRESSURE] * LANES :]
         place = (layout[ROTOR_STATE] + layout[JOURNAL + bearing]) * LANES
         velocity = place + layout[ROTOR_SIZE] * LANES
-        journal[: 2 * LANES] = lanes[place : place + 2 * LANES]
-        journal[2 * LANES :] = lanes[velocity : velocity + 2 * LANES]
+        assign(journal[: 2 * LANES], lanes[place:])
+        assign(journal[2 * LANES :], lanes[velocity:])
         _move_journal(film, integers, journal, own)
         offset = film.end
