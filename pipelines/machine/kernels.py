@@ -28,9 +28,8 @@ Numba would accept the functions themselves, but looks up their addresses anew i
 from __future__ import annotations
 
 import hashlib
-import weakref
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -90,23 +89,20 @@ def source_digest() -> str:
     return digest.hexdigest()
 
 
-_ENTRIES: weakref.WeakKeyDictionary[Any, int] = weakref.WeakKeyDictionary()
-
-
 def entry_point(function: Callable[..., None], signature: Any) -> Any:
     """The address of a compiled function's machine code; a function of Python stands for itself.
 
     Valid in this process, as long as ``function`` lives. Raises numba's TypingError for a compiled function
     of another signature.
     """
-    if not is_jitted(function):
-        return function
-    entry = _ENTRIES.get(function)
-    if entry is None:
-        compiled: Any = function
-        result = compiled.get_compile_result(signature)
-        entry = _ENTRIES[function] = result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
-    return entry
+    return _address(function, signature) if is_jitted(function) else function
+
+
+@lru_cache(256)
+def _address(function: Any, signature: Any) -> int:
+    compiled = function.get_compile_result(signature)
+    address: int = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+    return address
 
 
 _operation: Any = intrinsic  # numba's annotation counts the typing context among the arguments of a call
