@@ -15,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 PARTIAL = ".partial"
-_SIDE_BY_SIDE = 16  # files
+_SIDE_BY_SIDE = 8  # files
 MAKING = "making" + PARTIAL
 """Lies in the folder of a group's first array while the group is made: it has no metadata of its own yet."""
 
