@@ -65,8 +65,10 @@ class Numerics(Table):
         at_most=32,
         because="Chebyshev collocation converges with 2 to 4; stiffness grows like its fourth power",
     )
-    scheme: Literal["central", "backward"] = choice(
-        "circumferential convection: `central` second order, `backward` the paper's first order", "central"
+    scheme: Literal["central", "backward", "fourth_order"] = choice(
+        "differences along the circumference: `central` of second order, `fourth_order`, or the paper's "
+        "`backward` convection of first order",
+        "central",
     )
     axial_scheme: Literal["chebyshev", "uniform"] = choice(
         "`chebyshev` collocation or the paper's `uniform` differences", "chebyshev"

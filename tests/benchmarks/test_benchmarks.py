@@ -82,6 +82,8 @@ def test_multiply_adds_of_a_film_of_one_station() -> None:
     # again, and 2 + 3 + 2 of the elimination; in a closed ring 1 + 3 + 1 and two rows and two columns.
     assert film_multiply_adds(3, 1, periodic=False) == 33 + 7
     assert film_multiply_adds(3, 1, periodic=True) == 33 + 5 + 4
+    # two more neighbours: 5 rows of b_q, one more M and one more U
+    assert film_multiply_adds(3, 1, periodic=False, reach=2) == 33 + 6 + 7 + 2
 
 
 def test_the_chain_solves_its_shifted_equations() -> None:

@@ -34,6 +34,7 @@ from pipelines.stages.refinement.levels import (
     Refinement,
     build_level,
     estimate,
+    formal_order,
     grid_family,
     refine_point,
 )
@@ -199,6 +200,12 @@ def test_the_family_of_grids() -> None:
     ]
     paper = reconstruction((40, 4), numerics={"scheme": "backward", "axial_scheme": "uniform"})
     assert [(g.circumferential, g.axial) for g in grid_family(paper)] == [(40, 4), (60, 6), (90, 9)]
+    assert formal_order(central) == 2
+    assert formal_order(paper) == 1
+    fourth = reconstruction((24, 3), numerics={"scheme": "fourth_order"})
+    assert formal_order(fourth) == 4
+    mixed = reconstruction((24, 3), numerics={"scheme": "fourth_order", "axial_scheme": "uniform"})
+    assert formal_order(mixed) == 2
     close = reconstruction((8, 1), refine={"factors": (1.01, 1.02)})
     assert [g.circumferential for g in grid_family(close)] == [8, 9, 10, 8]
 

@@ -23,13 +23,13 @@ from pipelines.machine.assembly import build_machine
 from pipelines.stages.parameter_columns import parameter_columns
 from pipelines.stages.refinement.levels import (
     BOUND,
-    FORMAL_ORDERS,
     REFINED,
     ErrorEstimate,
     Grid,
     Refinement,
     build_level,
     estimate,
+    formal_order,
     grid_family,
     refine_point,
 )
@@ -77,7 +77,7 @@ def _open(store: Store, group: str, case: Case, capacity: int) -> BranchWriter:
         "level_axial": np.array([grid.axial for grid in grids], dtype=np.int32),
     }
     sizes = {"refined": capacity, "level": len(grids)}
-    attributes = {"request": request, "formal_order": FORMAL_ORDERS[case.numerics.scheme]}
+    attributes = {"request": request, "formal_order": formal_order(case)}
     return open_branch(store, group, "refinement", sizes, static, attributes)
 
 
@@ -96,7 +96,7 @@ def _fill(
     should_stop: ShouldStop,
 ) -> None:
     """Recompute the points one after the other; a request to stop leaves the group open."""
-    grids, order = grid_family(named.case), FORMAL_ORDERS[named.case.numerics.scheme]
+    grids, order = grid_family(named.case), formal_order(named.case)
     levels = [build_level(named.case, grid) for grid in grids]
     source, total = build_machine(named.case), branch.n_points + len(waiting)
     for point in waiting:
