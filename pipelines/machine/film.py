@@ -262,15 +262,20 @@ def _fill_faces(integers, scalars, thickness, scratch):
 
 
 @kernel(error_model="numpy")
-def _add_wide(k, faces, weights, edge, mirror, integers, out):
-    """Add the wide fluxes to what the narrow ones give to dtheta S at the offset k - reach.
+def _fill_row(k, narrow, behind, before, faces, weights, edge, mirror, integers, out):
+    """Fill what narrow and wide fluxes give to dtheta S at the offset k - reach.
 
-    Beside an edge there are wide fluxes alone.
+    ``behind``, ``before``: weights of the narrow faces on either side of the node there.  Beside an edge
+    there are wide fluxes alone.
     """
-    nodes, last = integers[NODES], integers[NODES] - 1
+    nodes, last, one, other = integers[NODES], integers[NODES] - 1, narrow[k:], narrow[k + 1 :]
+    if integers[REACH] < WIDE_REACH:
+        for i in range(nodes):
+            out[i] = behind * one[i] + before * other[i]
+        return
     left, right, here, ahead = weights[k + 1], weights[k], faces[WIDE_REACH:], faces[WIDE_REACH + 1 :]
     for i in range(nodes):
-        out[i] += right * ahead[i] - left * here[i]
+        out[i] = behind * one[i] + before * other[i] + right * ahead[i] - left * here[i]
     if integers[PERIODIC] == 0:
         out[0] = right * here[1] - edge[k] * here[0]
         out[last] = mirror * edge[4 - k] * here[nodes] - left * here[last]
@@ -284,12 +289,11 @@ def _fill_rows(parameters, integers, scalars, arrays, thickness, scratch):
     width, speed, last = 2 * reach + 1, parameters[SPEED], nodes - 1
     convection = arrays[at.convection :]
     for k in range(width):
-        left, right = arrays[at.narrow + k + 1], arrays[at.narrow + k]
-        here, ahead, out = scratch[NARROW, k:], scratch[NARROW, k + 1 :], scratch[CONDUCTION + k]
-        for i in range(nodes):
-            out[i] = right * here[i] - left * ahead[i]
-        if reach == WIDE_REACH:
-            _add_wide(k, scratch[WIDE], FACE_SLOPE, EDGE_SLOPE, ODD, integers, out)
+        behind, before = arrays[at.narrow + k], -arrays[at.narrow + k + 1]
+        _fill_row(
+            k, scratch[NARROW], behind, before, scratch[WIDE], FACE_SLOPE, EDGE_SLOPE, ODD, integers,
+            scratch[CONDUCTION + k],
+        )  # fmt: skip
         out, weight = scratch[CONVECTION + k], speed * convection[width + k]
         for i in range(nodes):
             out[i] = weight
@@ -382,13 +386,11 @@ def _thickness_derivatives(row, integers, scalars, arrays, thickness, scratch, o
         for i in range(nodes + 1):
             change[i] *= slope[i]
     for k in range(2 * reach + 1):
-        left, right, term, pressure = arrays[narrow + k + 1], arrays[narrow + k], own[THICKNESS + k], row[k:]
-        here, ahead = scratch[NARROW_CHANGE, k:], scratch[NARROW_CHANGE, k + 1 :]
-        for i in range(nodes):
-            term[i] = right * here[i] + left * ahead[i]
-        if reach == WIDE_REACH:
-            _add_wide(k, scratch[WIDE_CHANGE], FACE_MEAN, EDGE_MEAN, EVEN, integers, term)
-        convected = scratch[CONVECTION + k]
+        term, pressure, convected = own[THICKNESS + k], row[k:], scratch[CONVECTION + k]
+        _fill_row(
+            k, scratch[NARROW_CHANGE], arrays[narrow + k], arrays[narrow + k + 1], scratch[WIDE_CHANGE],
+            FACE_MEAN, EDGE_MEAN, EVEN, integers, term,
+        )  # fmt: skip
         for i in range(nodes):
             term[i] = scale * inverse[i] * (term[i] - convected[i] * pressure[i])
 

@@ -60,6 +60,7 @@ from .film import (
     foil_coefficients,
     term_rows,
 )
+from .inverse import invert
 from .kernels import FACTORISE, SOLVE, kernel
 from .lanes import LANES, accumulate_lanes, add_lanes, borrowed, set_lanes
 from .rates import (
@@ -197,7 +198,7 @@ def _multiply(sizes, a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row):
 
     ``out`` must not overlap a or b.
     """
-    two, three, four, six, eight = UNSIGNED(2), UNSIGNED(3), UNSIGNED(4), UNSIGNED(6), UNSIGNED(8)
+    two, three, four, six = UNSIGNED(2), UNSIGNED(3), UNSIGNED(4), UNSIGNED(6)
     # the compiler unrolls loops of known length
     if sizes == (three, three, three):
         _product((three, three, three), a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
@@ -207,10 +208,6 @@ def _multiply(sizes, a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row):
         _product((two, two, two), a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
     elif sizes == (two, two, four):
         _product((two, two, four), a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
-    elif sizes == (four, four, four):
-        _product((four, four, four), a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
-    elif sizes == (four, four, eight):
-        _product((four, four, eight), a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
     else:
         _product(sizes, a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
 
@@ -529,14 +526,6 @@ def _factorise_bearing(
 
 
 @kernel()
-def _invert_if_finite(matrix, inverse):
-    """Fill ``inverse``, with NaN if ``matrix`` is not finite: Newton's method of the stage then stops."""
-    inverse[:, :] = np.nan
-    if np.isfinite(np.sum(matrix)):
-        inverse[:, :] = np.linalg.inv(matrix)
-
-
-@kernel()
 def _factorise_rotor(shift, speed, constants, layout, start, factors):
     """Compute the rotor's factors, unless the stored ones belong to this shift and speed."""
     size = layout[ROTOR_SIZE]
@@ -545,10 +534,20 @@ def _factorise_rotor(shift, speed, constants, layout, start, factors):
         return
     header[0], header[1] = shift, speed
     stiffness, damping, gyroscopic, influence, _ = rotor_views(constants, layout)
-    resistance = np.eye(size) + shift * (damping + speed * gyroscopic) + shift * shift * stiffness
-    _invert_if_finite(resistance, inverse)
-    flexible[:, :] = -shift * (inverse @ stiffness)
-    compliance[:, :] = shift * (inverse @ influence)
+    for i in range(size):
+        for j in range(size):
+            resistance = damping[i, j] + speed * gyroscopic[i, j] + shift * stiffness[i, j]
+            flexible[i, j] = shift * resistance + (1.0 if i == j else 0.0)
+    invert(flexible, inverse)
+    flexible[:, :] = 0.0
+    compliance[:, :] = 0.0
+    for i in range(size):
+        for k in range(size):
+            factor = shift * inverse[i, k]
+            for j in range(size):
+                flexible[i, j] -= factor * stiffness[k, j]
+            for j in range(FORCES):
+                compliance[i, j] += factor * influence[k, j]
 
 
 @kernel()
@@ -591,7 +590,7 @@ def machine_factorise(phase, state, parameters, shift, constants, layout, work, 
             for j in range(FORCES):
                 dof = layout[JOURNAL + bearing] + k
                 matrix[i, j] -= closing[1, i, 2 * bearing + k] * compliance[dof, j]
-    _invert_if_finite(matrix, closing[2])
+    invert(matrix, closing[2])
 
 
 @kernel(error_model="numpy")
