@@ -23,6 +23,7 @@ from agfb_cli.commands import (
     run,
     schema,
     status,
+    survey,
     track_curves,
     transient,
     validate,
@@ -96,6 +97,7 @@ def agfb(
 
 app.command("linearize", help=linearize.HELP)(linearize.linearize)
 app.command("criticals", help=criticals.HELP)(criticals.criticals)
+app.command("survey", help=survey.HELP)(survey.survey)
 app.command("continue-cycles", help=continue_cycles.HELP)(continue_cycles.continue_cycles)
 app.command("continue", help="Short name of continue-cycles.")(continue_cycles.continue_cycles)
 app.command("continue-tori", help=continue_tori.HELP)(continue_tori.continue_tori)

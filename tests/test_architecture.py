@@ -45,7 +45,8 @@ CONFINED = {
 ORDER = {
     "orbits": (
         "system", "solving", "vectors", "steppers", "integration", "period_map", "compiled", "floquet",
-        "shooting", "time_steps", "hopf_start", "machine_cycles", "equilibria", "time_runs",
+        "shooting", "time_steps", "harmonic_balance", "forced_cycle", "hopf_start", "machine_cycles",
+        "equilibria", "time_runs",
     ),
     "bifurcations": (
         "continuation", "acceptance", "cycles", "detection", "location", "branch", "arclength", "plane",
@@ -54,7 +55,7 @@ ORDER = {
     ),
     "stages": (
         "results", "parameter_columns", "job", "step_errors", "ending", "linear", "cycles", "curves",
-        "transients", "tori", "refinement", "calibration", "reports", "scheduling",
+        "survey", "transients", "tori", "refinement", "calibration", "reports", "scheduling",
     ),
 }  # fmt: skip
 TOP_LEVEL_FOLDERS = {"agfb_cli", "pipelines", "configs", "tests"}

@@ -3,8 +3,8 @@
 - fields: how a key is declared, and how it is found from its path
 - problems: errors of a configuration, in words
 - rotor, bearings, settings: tables of the machine, the operating point, the numerics and the linear stages
-- curve_settings, torus_settings, transient_settings, refine_settings, calibrate_settings: tables of the
-  other stages
+- curve_settings, survey_settings, torus_settings, transient_settings, refine_settings, calibrate_settings:
+  tables of the other stages
 - models: the case: all tables, and the checks of one against another
 - stage_checks, plausible: what a stage requires of its tables; numbers in the wrong unit
 - scales, ring_statics: dimensionless variables and parameters; deformation of the active ring

@@ -22,6 +22,7 @@ from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Master, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
 from pipelines.case.settings import ContinueCycles, Criticals, Linearize, Numerics, Operation
+from pipelines.case.survey_settings import Survey
 from pipelines.case.sweeps import assign
 from pipelines.case.torus_settings import ContinueTori
 from pipelines.case.transient_settings import Transient, Unbalance, unbalance_on_shaft
@@ -51,6 +52,7 @@ __all__ = [
     "Ring",
     "Rotor",
     "Support",
+    "Survey",
     "TrackCurves",
     "Transient",
     "Unbalance",
@@ -89,6 +91,7 @@ class Case(Table):
     continue_cycles: ContinueCycles = table("stage `agfb continue-cycles`", ContinueCycles())
     track_curves: TrackCurves = table("stages `agfb track-pd`, `track-ns`, `track-folds`", TrackCurves())
     bifurcation_set: BifurcationSet = table("search of `agfb run` for the whole set", BifurcationSet())
+    survey: Survey = table("stage `agfb survey`", Survey())
     refine: Refine = table("stage of the option `--refine`", Refine())
     unbalance: Unbalance | None = table(
         "the rotor's unbalance, for `agfb transient` and `agfb continue-tori`", None

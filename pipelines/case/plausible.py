@@ -72,6 +72,10 @@ def _values(case: Case, table: str) -> Iterator[_Value]:
         plane = zip(case.track_curves.parameters, case.track_curves.ranges, strict=True)
         for index, (parameter, interval) in enumerate(plane):
             yield _Value((table, "ranges", index), parameter, interval)
+    elif table == "survey" and case.survey.ranges is not None:
+        plane = zip(case.track_curves.parameters, case.survey.ranges, strict=True)
+        for index, (parameter, interval) in enumerate(plane):
+            yield _Value((table, "ranges", index), parameter, interval)
     elif table == "unbalance" and case.unbalance is not None:
         yield _Value((table, "rated_speed"), SPEED, [case.unbalance.rated_speed])
         yield _Value((table, "rated_speed_rpm"), RPM, [case.unbalance.rated_speed_rpm])

@@ -28,6 +28,10 @@ RESTING = (
     "the cycles are self-excited, and rings that move force their period upon them: give "
     'excitation.frequency, and continue_cycles.formulation = "stroboscopic"'
 )
+AT_REST = (
+    "the rings rest, and a survey seeks cycles that follow them: give excitation.displacement, or make it a "
+    "parameter of the plane"
+)
 CLOSED = "times the largest of excitation.amplitudes must stay below 1: the ring closes the film"
 
 
@@ -73,6 +77,21 @@ def _set(case: Case) -> Iterator[Inconsistency]:
     """Errors of the curves to search; a machine without any is a result of the search, not an error."""
     if not _is_passive(case):
         yield from _curves(case)
+
+
+def _survey(case: Case) -> Iterator[Inconsistency]:
+    parameters, own = case.track_curves.parameters, case.survey.ranges
+    at: Path = ("track_curves",) if own is None else ("survey",)
+    for index, (name, interval) in enumerate(zip(parameters, own or case.track_curves.ranges, strict=True)):
+        if own is not None and name != "displacement" and interval[0] <= 0:
+            yield (*at, "ranges", index), "must be > 0: this parameter is positive"
+        for path, message in _along(case, name, interval, ()):
+            key = ("track_curves", "parameters") if path == ("parameter",) else (*at, "ranges")
+            yield (*key, index), message
+    if _is_passive(case) and "displacement" not in parameters and "excitation_frequency" not in parameters:
+        yield ("track_curves", "parameters"), AT_REST
+    if _unforced(case) and "excitation_frequency" not in parameters:
+        yield ("track_curves", "parameters"), NO_PERIOD
 
 
 def _tori(case: Case) -> Iterator[Inconsistency]:
@@ -149,6 +168,7 @@ STAGE_TABLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "track_ns": ("track_curves",),
         "track_folds": ("track_curves",),
         "bifurcation_set": ("bifurcation_set", "track_curves"),
+        "survey": ("survey", "track_curves"),
         "refine": ("refine",),
         "transient": ("transient",),
         "continue_tori": ("continue_tori",),
@@ -163,6 +183,7 @@ _CHECKS: Mapping[str, Check] = MappingProxyType(
         "track_ns": _curves,
         "track_folds": _curves,
         "bifurcation_set": _set,
+        "survey": _survey,
         "transient": _transient,
         "continue_tori": _tori,
         "calibrate": _calibration,

@@ -550,6 +550,46 @@ BIFURCATION_SET = GroupSpec(
     ),
 )
 
+SURVEY = GroupSpec(
+    "survey",
+    "Stability of the cycles over a grid of two parameters, each cycle found alone",
+    (
+        _real(
+            "along", "cell", "values of the parameter along the lines, the first of the attribute parameters"
+        ),
+        _real("across", "line", "value of the other parameter on the line"),
+        _flag(
+            "status",
+            "line cell",
+            "found: a cycle; thin_film, below_vacuum: one with a film below continue_cycles.minimum_film, or "
+            "with a pressure that no gas has; otherwise why there is none",
+            "found",
+            "thin_film",
+            "below_vacuum",
+            "no_equilibrium",
+            "no_cycle",
+        ),
+        _real("growth_rate", "line cell", "largest growth rate ln|mu| / T beside the cycle, dimensionless"),
+        _complex("multiplier", "line cell", "Floquet multiplier mu of the largest modulus"),
+        _flag(
+            "bifurcation",
+            "line cell",
+            "bifurcation at which this multiplier passes the unit circle",
+            "fold",
+            "period_doubling",
+            "neimark_sacker",
+        ),
+        _count("unstable_count", "line cell", "multipliers outside the unit circle"),
+        _real("minimum_film", "line cell", f"smallest film thickness over the period in any bearing, {OWN}"),
+        _flag("method", "line cell", "how the cycle was found", "harmonic_balance", "newton"),
+        _real("miss", "line cell", "distance of the state after a period, relative to the largest state"),
+        _count("steps_per_period", "line cell", "time steps of one period"),
+        _real("step_error", "line cell", "likely error of the leading multipliers by the time steps"),
+    ),
+    row="line",
+    coordinates=("across",),
+)
+
 REFINEMENT = GroupSpec(
     "refinement",
     "Bifurcation points recomputed on finer grids, and what they tell of the error of the stored ones",
@@ -822,6 +862,7 @@ KINDS: Mapping[str, GroupSpec] = {
         TORI,
         CURVE,
         BIFURCATION_SET,
+        SURVEY,
         REFINEMENT,
         CALIBRATION,
         TRANSIENT,

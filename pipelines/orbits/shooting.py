@@ -258,7 +258,7 @@ def correct(
             return ended(NewtonStop.NON_FINITE)
         residuals.append(max(problem.period_map.residual(unknowns.state, image), constraint.error(unknowns)))
         if residuals[-1] <= options.tolerance:
-            cycle = _with_converged_multipliers(problem, unknowns, basis, image, reference, residuals[-1])
+            cycle = with_converged_multipliers(problem, unknowns, basis, image, reference, residuals[-1])
             return ended(NewtonStop.CONVERGED, replace(cycle, linear=linear))
         if residuals[-1] > _DIVERGENCE * min(residuals):
             return given_up(NewtonStop.DIVERGED)
@@ -473,7 +473,7 @@ def _next_basis(image: Matrix) -> Matrix:
     return np.eye(image.shape[0]) if image.shape[0] == image.shape[1] else orthonormal(image)
 
 
-def _with_converged_multipliers(
+def with_converged_multipliers(
     problem: CycleProblem,
     unknowns: Unknowns,
     basis: Matrix,

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from pipelines.machine.lanes import LANES
 from pipelines.orbits.period_map import OrbitStart, PeriodImage, PeriodMap
 from pipelines.orbits.shooting import Cycle, CycleProblem, NewtonStop, ShootingOptions, Unknowns
 from pipelines.orbits.steppers import ImplicitStepper, Stepper
@@ -47,6 +48,7 @@ _FINER = 1.5  # r
 _AGREE = 0.1  # relative difference of two estimates of the same error
 _CONTRADICT = 2.0  # ratio of two changes of the multipliers that no convergence explains
 _BOUND = 3.0  # bound of a likely error in units of it
+_SEPARATE = 0.99  # ratio of the moduli of two multipliers above which they may be a pair
 _ROUNDING = 1e-12  # change of a multiplier that tells nothing
 
 _Mapped = Callable[[Matrix, int], Matrix | None]  # M block with a number of steps; None where they diverge
@@ -186,6 +188,25 @@ def required_steps_at(
     if period_map.steps_per_period is not None:
         return RequiredSteps(steps, error)
     return RequiredSteps(max(required, stable), error)
+
+
+def halved_change(problem: CycleProblem, cycle: Cycle) -> float:
+    """Largest change of a cycle's leading multipliers with half the time steps; infinite if those diverge.
+
+    Of at most as many multipliers as fit into one chunk of columns: it costs little more than the orbit.
+    """
+    period_map, start = problem.period_map, cycle.image.start
+    moduli = np.append(np.abs(cycle.spectrum.multipliers), 0.0)
+    # the last gap that leaves so many: a pair must not be divided
+    last = max(k for k in range(1, min(LANES + 1, len(moduli))) if moduli[k] < _SEPARATE * moduli[k - 1])
+    least = 0.5 * (moduli[last - 1] + moduli[last])
+    half = period_map.rounded_steps(max(1, start.steps // 2))
+
+    def mapped(block: Matrix, count: int) -> Matrix | None:
+        passed = period_map.evaluate(*start._replace(steps=count), block)
+        return passed.columns if passed.finite else None
+
+    return _cheap_change(mapped, cycle.basis, cycle.basis.T @ cycle.image.columns, half, float(least))
 
 
 def _errors(order: int, coarser: tuple[float, float], finer: tuple[float, float]) -> tuple[float, float]:

@@ -8,6 +8,7 @@
 - linear: `agfb linearize` and `agfb criticals`
 - cycles: `agfb continue-cycles`: branches of cycles
 - curves: `agfb track-pd`, `track-ns`, `track-folds`, and the search of `agfb run` for the whole set
+- survey: `agfb survey`: stability over a grid of the plane
 - transients: `agfb transient`: transients and their analysis
 - tori: `agfb continue-tori`: branches of tori
 - refinement: `--refine`: discretisation errors of bifurcations

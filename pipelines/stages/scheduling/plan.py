@@ -15,6 +15,7 @@ from typing import Any
 
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.case.survey_settings import survey_axes
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import COMPLETE
@@ -28,6 +29,7 @@ from pipelines.stages.linear import criticals, missing_speeds
 from pipelines.stages.refinement import refine
 from pipelines.stages.refinement.points import stored_points
 from pipelines.stages.scheduling.durations import Durations
+from pipelines.stages.survey import survey
 from pipelines.stages.tori import continue_tori
 from pipelines.stages.transients import transient
 from pipelines.stages.transients.run import request_of
@@ -143,6 +145,16 @@ def _in_both_directions(found: Planned, here: _Here) -> Planned:
     )
 
 
+def _on_its_plane(found: Planned, here: _Here) -> Planned:
+    """The survey: its ranges may be those of [track_curves]."""
+    for group in here.own.values():
+        axes = survey_axes(here.case.survey, here.case.track_curves)
+        same = group["ranges"] == [[axis.low, axis.high] for axis in axes]
+        if group["n_points"] and not (same and group["parameters"] == [axis.parameter for axis in axes]):
+            return replace(found, there=StageStatus.DIFFERENT_SETTINGS)
+    return found
+
+
 def _of_stored_bifurcations(found: Planned, here: _Here) -> Planned:
     """The refinement: bifurcations that earlier stages will find are not known yet."""
     if here.store is None:
@@ -232,6 +244,14 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             _curves(("pd/", "ns/", "folds/"), "ends when a round of new lines meets no new curve"),
             settles=True,
             adjusted=_searched,
+        ),
+        "survey": _Extent(
+            groups=(survey.GROUP,),
+            success=survey.SUCCESSFUL,
+            table="survey",
+            duration=Durations.of_survey_line,
+            most=lambda case: survey_axes(case.survey, case.track_curves)[1].points,
+            adjusted=_on_its_plane,
         ),
         "refine": _Extent(
             groups=("refinement",),

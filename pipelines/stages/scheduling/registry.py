@@ -24,6 +24,7 @@ STAGES: Mapping[str, str] = MappingProxyType(
         "track_ns": "curves.track_curves",
         "track_folds": "curves.track_curves",
         "bifurcation_set": "curves.bifurcation_set",
+        "survey": "survey.survey",
         "refine": "refinement.refine",
         "transient": "transients.transient",
         "continue_tori": "tori.continue_tori",
@@ -39,6 +40,7 @@ MOTIONS = frozenset(
         "track_ns",
         "track_folds",
         "bifurcation_set",
+        "survey",
         "transient",
         "continue_tori",
     }
