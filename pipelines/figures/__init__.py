@@ -6,5 +6,6 @@
 - machine_drawing, linearization, campbell, condensation: the machine and its linear behaviour
 - bifurcation_diagram, bifurcation_tree, multipliers, orbits, refinement: branches of cycles
 - stability_map, map_sets, resonance_lines: bifurcation sets in the plane
+- survey: growth rates over the plane, cell by cell
 - response_envelope, run_motion, tori: transients and tori
 """

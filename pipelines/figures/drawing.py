@@ -34,6 +34,7 @@ from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_
 from pipelines.figures.runs import RunView
 from pipelines.figures.several_cases import JOINT_KINDS, joint_plans
 from pipelines.figures.stability_map import PlaneView, draw_stability_map, map_stem, same_plane
+from pipelines.figures.survey import draw_survey
 from pipelines.figures.tori import draw_section, draw_tori, is_unbalanced
 
 # Figure: kind of the group it is drawn from.
@@ -49,6 +50,7 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "film": "cycles",
         "tree": "cycles",
         "stability": "curve",
+        "survey": "survey",
         "tori": "tori",
         "section": "tori",
         "envelope": RUNS,
@@ -64,6 +66,7 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
     {
         "bifurcation": ("refinement",),
         "stability": ("criticals", "bifurcation_set", "operating_range", "refinement"),
+        "survey": ("curve",),
         "tori": ("cycles",),
         "envelope": ("transient", "cycles"),
         **dict.fromkeys(("unbalance", "waterfall", "spectrum", "poincare", "modal-energy"), ("transient",)),
@@ -196,6 +199,7 @@ def _plans(
         *_tree_plans(view, branches),
         *_run_plans(view, held.runs, list(branches.values())),
         *_map_plans(held),
+        *_survey_plans(held),
         *_torus_plans(view, held.of_kind("tori"), branches),
     ]
     if asked and "tree" in own and branches and not any(plan.kind == "tree" for plan in plans):
@@ -300,6 +304,16 @@ def _map_plans(case: CaseTables) -> list[FigurePlan]:
         draw = partial(draw_stability_map, case.view, content) if started else _nothing_yet(case.view)
         plans.append(FigurePlan("stability", map_stem("stability-map", content.x, content.y), draw))
     return plans
+
+
+def _survey_plans(case: CaseTables) -> list[FigurePlan]:
+    """The map of a survey, under the curves of its plane."""
+    table = case.single.get("survey")
+    if table is None:
+        return []
+    draw = partial(draw_survey, case.view, table, case.curves)
+    started = len(table["across"]) > 0
+    return [FigurePlan("survey", "survey", draw if started else _nothing_yet(case.view))]
 
 
 def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table]) -> list[FigurePlan]:
