@@ -58,8 +58,8 @@ def figures(
     Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bifurcation,
     multipliers, orbits, film, tree, stability, survey, tori, section; for transients: envelope, unbalance,
     waterfall, spectrum, poincare, modal-energy; for several cases together: sets (bifurcation sets in one
-    map), envelopes (one below the other). No figure shows the branches of the search (cycles/s000, ...). Files are
-    DIRECTORY/CASE/FIGURE.FORMAT, without CASE for several cases; equal stores give equal bytes.
+    map), envelopes (one below the other). No figure shows the branches of the search (cycles/s000, ...).
+    Files are DIRECTORY/CASE/FIGURE.FORMAT, without CASE for several cases; equal stores give equal bytes.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):

@@ -141,7 +141,8 @@ def _draw_kinds(axes: Axes, survey: SurveyMap) -> list[Patch]:
 
 def _pale(colour: str, share: float) -> str:
     """A colour mixed with white."""
-    return to_hex([1.0 - share * (1.0 - part) for part in to_rgb(colour)])
+    red, green, blue = (1.0 - share * (1.0 - part) for part in to_rgb(colour))
+    return to_hex((red, green, blue))
 
 
 def _draw_missing(charts: Sequence[Axes], survey: SurveyMap) -> list[Patch]:

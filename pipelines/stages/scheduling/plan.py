@@ -29,7 +29,7 @@ from pipelines.stages.linear import criticals, missing_speeds
 from pipelines.stages.refinement import refine
 from pipelines.stages.refinement.points import stored_points
 from pipelines.stages.scheduling.durations import Durations
-from pipelines.stages.survey import survey
+from pipelines.stages.survey import onsets, survey
 from pipelines.stages.tori import continue_tori
 from pipelines.stages.transients import transient
 from pipelines.stages.transients.run import request_of
@@ -246,7 +246,7 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             adjusted=_searched,
         ),
         "survey": _Extent(
-            groups=(survey.GROUP,),
+            groups=(onsets.GROUP,),
             success=survey.SUCCESSFUL,
             table="survey",
             duration=Durations.of_survey_line,

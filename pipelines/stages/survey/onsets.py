@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pipelines.case.arrays import Array
 from pipelines.datasets.records import Group
 
+GROUP = "survey"
 PHYSICAL = ("found", "thin_film")
 
 

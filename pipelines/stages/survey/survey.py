@@ -22,9 +22,8 @@ from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.stages.parameter_columns import parameter_attributes
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.survey.line import SurveyProblem, compute_line, survey_problem
-from pipelines.stages.survey.onsets import onsets
+from pipelines.stages.survey.onsets import GROUP, onsets
 
-GROUP = "survey"
 ALL_COMPUTED = "all lines are computed"
 NOTHING_FOUND = "no cell has a cycle"
 SUCCESSFUL = frozenset({ALL_COMPUTED})
