@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from pipelines.orbits.floquet import orthonormal
-from pipelines.orbits.harmonic_balance import HarmonicOptions, RestingSystem, harmonic_balance
+from pipelines.orbits.harmonic_balance import HarmonicCycle, HarmonicOptions, RestingSystem, harmonic_balance
 from pipelines.orbits.period_map import PeriodImage
 from pipelines.orbits.shooting import (
     Cycle,
@@ -24,13 +24,14 @@ from pipelines.orbits.shooting import (
     with_converged_multipliers,
 )
 from pipelines.orbits.steppers import ImplicitStepper
-from pipelines.orbits.system import Matrix, Vector
+from pipelines.orbits.system import Matrix, Vector, size_of
 from pipelines.orbits.time_steps import halved_change, steps_stable_at
 
 _FEWEST = 12  # time steps of a forcing period
 _MARGIN = 1.2  # steps beyond the need
 _MOST = 512  # time steps with which their error is accepted as it is
 _SAFE_ORDER = 4  # of the convergence with the time steps: kinks spoil the order of the stepper
+_LAST = 4.0  # size of the last harmonic, in tolerated misses, beyond which those left out miss too much
 _SHARE = 0.05  # of the tolerated miss: the last update of the harmonic balance
 _ATTEMPTS = 8  # of Newton's method on the way from the cycle beside
 _USABLE = 0.1  # miss, or update of the harmonic balance, beyond which a state is no guess
@@ -130,7 +131,14 @@ def _unknowns(problem: CycleProblem, state: Vector) -> Unknowns:
 def _balanced(
     problem: CycleProblem, resting: RestingSystem, options: ForcedCycleOptions, basis: Matrix, steps: int
 ) -> list[_Trial]:
-    """Passes from the harmonic balance, the best first; a second one, with twice the harmonics, if needed."""
+    """Passes from the harmonic balance, the best first.
+
+    Harmonics are doubled where the last one is large already, or where the pass misses.
+    """
+
+    def trial(found: HarmonicCycle) -> _Trial:
+        return _trial(problem, _unknowns(problem, found.state), basis, steps)
+
     trials: list[_Trial] = []
     guess = None
     for factor in (1, 2):
@@ -139,11 +147,13 @@ def _balanced(
         found = harmonic_balance(problem.period_map.system, resting, problem.parameters, tolerance, guess)
         if not (found.finite and found.update <= _USABLE):
             continue
-        guess, trial = found, _trial(problem, _unknowns(problem, found.state), basis, steps)
-        trials = sorted([*trials, trial], key=lambda one: one.miss)
-        if trial.miss <= options.tolerance:
+        guess = found
+        if factor == 1 and size_of(found.harmonics[-1]) > _LAST * options.tolerance * size_of(resting.state):
+            continue
+        trials = sorted([*trials, trial(found)], key=lambda one: one.miss)
+        if trials[0].miss <= options.tolerance:
             break
-    return trials
+    return trials if trials or guess is None else [trial(guess)]
 
 
 def _trial(problem: CycleProblem, unknowns: Unknowns, basis: Matrix, steps: int) -> _Trial:

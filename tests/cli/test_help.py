@@ -29,7 +29,7 @@ HEAVY = (
     "pipelines.case",
 )
 COMMANDS = sorted(typer.main.get_group(app).commands)
-COMPUTING = ("linearize", "criticals", "continue-cycles", "continue", "continue-tori", "run")
+COMPUTING = ("linearize", "criticals", "survey", "continue-cycles", "continue", "continue-tori", "run")
 
 
 def options_of(command: str) -> set[str]:

@@ -55,7 +55,7 @@ def shot(named: NamedCase, speed: float, frequency: float) -> CycleProblem:
 
 
 def test_every_cell_is_a_cycle_of_plain_shooting(surveyed: Path) -> None:
-    """Growth rate, leading multiplier, unstable multipliers and smallest film, at corners and in the middle."""
+    """Growth rate, leading multiplier, unstable multipliers, smallest film: at two corners and between."""
     rows, named = rows_of(surveyed), tiny_case(*GRID)
     machine = build_machine(named.case)
     assert np.all(rows.labels("status") == "found")
