@@ -37,6 +37,7 @@ NAMES = {
     },
     "growth_exponent": {"growth_exponent", "branch_point_12x2", "branch_point_16x2"},
     "curve_point_ratio": {"curve_point_ratio", "curve_point_ratio_normal_form"},
+    "survey_cell_ratio": {"survey_cell_ratio", "survey_cell"},
     "transient_steps_ratio": {"transient_steps_ratio", "transient_step"},
     "commit_ratio": {"commit_ratio", "commit"},
     "campaign_ratio": {"campaign_ratio"},
