@@ -23,7 +23,8 @@ from pipelines.stages.cycles.problem import cycle_problem
 from pipelines.stages.reports.verify import verify
 from pipelines.stages.scheduling.plan import StageStatus, plan
 from pipelines.stages.survey import line as module
-from pipelines.stages.survey.line import bifurcation_of, compute_line, survey_problem
+from pipelines.stages.survey.cells import bifurcation_of
+from pipelines.stages.survey.line import compute_line, survey_problem
 from pipelines.stages.survey.onsets import first_rise, onsets
 from tests.helpers.tiny import CONFIG, PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees

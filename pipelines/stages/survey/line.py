@@ -15,26 +15,11 @@ from pipelines.case.scales import PARAMETERS
 from pipelines.case.survey_settings import Axis, survey_axes
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
-from pipelines.machine.extremes import FILM, LOW_PRESSURE, OBSERVED, machine_extremes
-from pipelines.machine.rates import BEARINGS
-from pipelines.orbits.equilibria.equilibrium import (
-    MEAN_PHASE,
-    at_rest,
-    equilibrium_along,
-    machine_equilibrium,
-)
+from pipelines.orbits.equilibria.equilibrium import at_rest, equilibrium_along, machine_equilibrium
 from pipelines.orbits.forced_cycle import ForcedCycle, ForcedCycleOptions, Method, forced_cycle
 from pipelines.orbits.harmonic_balance import RestingSystem
-from pipelines.orbits.machine_cycles import machine_system
-from pipelines.orbits.period_map import PeriodMap
-from pipelines.orbits.shooting import CycleProblem, NewtonStop, ShootingOptions
-from pipelines.orbits.steppers import steppers
-
-SAMPLES = 32  # of an orbit, at which the film is looked at
-NEWTON_SHARE = 0.01  # of the tolerated miss: what Newton's method leaves
-MULTIPLIER_SHARE = 0.2  # of the tolerated error: what the subspace iteration leaves
-CHECKED_MODULUS = 0.3
-REAL = 1e-6  # imaginary part, relative to the modulus, below which a multiplier is taken as real
+from pipelines.orbits.shooting import CycleProblem, NewtonStop
+from pipelines.stages.survey.cells import bifurcation_of, film_status, forced_cycles, resting_system
 
 _SPEC = KINDS["survey"]
 _NUMBERS = ("growth_rate", "multiplier", "minimum_film", "miss", "step_error")
@@ -75,23 +60,9 @@ class SurveyProblem:
 def survey_problem(machine: Machine, case: Case, parameters: Array) -> SurveyProblem:
     """The survey of a case; ``parameters``: those of the case."""
     along, across = survey_axes(case.survey, case.track_curves)
-    table, numerics = case.survey, case.numerics
-    period_map = PeriodMap(
-        machine_system(machine),
-        stepper=steppers()[numerics.stepper],
-        samples=SAMPLES,
-        steps_per_period=numerics.steps_per_period,
-    )
-    shooting = ShootingOptions(
-        tolerance=NEWTON_SHARE * table.tolerance,
-        iterations=numerics.newton_iterations,
-        picard_tolerance=0.01,
-        multiplier_tolerance=MULTIPLIER_SHARE * table.multiplier_tolerance,
-        checked_modulus=CHECKED_MODULUS,
-        step_tolerance=table.multiplier_tolerance,
-    )
+    table = case.survey
+    cycles = forced_cycles(machine, case, parameters, table.tolerance, table.multiplier_tolerance)
     options = ForcedCycleOptions(table.harmonics, table.phases, table.tolerance)
-    cycles = CycleProblem(period_map, parameters, across.parameter, shooting)
     return SurveyProblem(machine, case, along, across, cycles, options)
 
 
@@ -113,7 +84,7 @@ def compute_line(problem: SurveyProblem, line: int) -> dict[str, Any]:
                 found[cell] = forced_cycle(cycles, system, problem.options, beside)
             one = found[cell]
             beside = one if isinstance(one, ForcedCycle) else None
-    return _row(problem, line, [_cell(problem, line, cell, one) for cell, one in enumerate(found)])
+    return _row(problem, line, [_cell(problem, one) for one in found])
 
 
 def _resting_systems(problem: SurveyProblem, line: int) -> list[RestingSystem | None]:
@@ -132,58 +103,28 @@ def _resting_system(problem: SurveyProblem, line: int, cell: int) -> RestingSyst
         equilibrium = equilibrium_along(machine, still, problem.ordinates, line)
     else:
         equilibrium = machine_equilibrium(machine, still)
-    if not equilibrium.converged:
-        return None
-    return RestingSystem.of(
-        equilibrium.state, machine.jacobian(MEAN_PHASE, equilibrium.state, still).toarray()
-    )
+    return resting_system(machine, equilibrium, still) if equilibrium.converged else None
 
 
-def _cell(
-    problem: SurveyProblem, line: int, cell: int, found: ForcedCycle | NewtonStop | None
-) -> dict[str, Any]:
+def _cell(problem: SurveyProblem, found: ForcedCycle | NewtonStop | None) -> dict[str, Any]:
     """The entries of a cell by array; the flags as their meanings."""
     if not isinstance(found, ForcedCycle):
         return {"status": "no_equilibrium" if found is None else "no_cycle"}
-    cycle, parameters = found.cycle, problem.parameters(line, cell)
-    multipliers = cycle.spectrum.multipliers
+    cycle, multipliers = found.cycle, found.cycle.spectrum.multipliers
     leading = complex(multipliers[0])
-    film_left, pressure = _extremes(problem.machine, cycle.image.orbit, parameters)
-    status = "found"
-    if pressure <= 0.0:
-        status = "below_vacuum"
-    elif film_left < problem.case.continue_cycles.minimum_film:
-        status = "thin_film"
+    status, thinnest = film_status(problem.machine, cycle, problem.case.continue_cycles.minimum_film)
     return {
         "status": status,
         "growth_rate": math.log(abs(leading)) / cycle.unknowns.period,
         "multiplier": leading if leading.imag >= 0.0 else leading.conjugate(),
         "bifurcation": bifurcation_of(leading),
         "unstable_count": int(np.sum(np.abs(multipliers) > 1.0)),
-        "minimum_film": film_left,
+        "minimum_film": thinnest,
         "method": "newton" if found.method is Method.NEWTON else "harmonic_balance",
         "miss": cycle.residual,
         "steps_per_period": cycle.steps,
         "step_error": found.step_error if math.isfinite(found.step_error) else math.nan,
     }
-
-
-def bifurcation_of(multiplier: complex) -> str:
-    """The bifurcation at which a multiplier passes the unit circle."""
-    if abs(multiplier.imag) > REAL * abs(multiplier):
-        return "neimark_sacker"
-    return "fold" if multiplier.real > 0.0 else "period_doubling"
-
-
-def _extremes(machine: Machine, orbit: Array, parameters: Array) -> tuple[float, float]:
-    """Smallest film thickness and pressure along an orbit (samples, N), of both bearings."""
-    out, work = np.empty(OBSERVED), np.empty(machine.work_size)
-    smallest = np.full((OBSERVED // BEARINGS, BEARINGS), np.inf)
-    for sample, state in enumerate(orbit):
-        phase = 2.0 * math.pi * sample / len(orbit)
-        machine_extremes(phase, state, parameters, machine.constants, machine.layout, work, out)
-        smallest = np.minimum(smallest, out.reshape(smallest.shape))
-    return float(smallest[FILM].min()), float(smallest[LOW_PRESSURE].min())
 
 
 def _row(problem: SurveyProblem, line: int, cells: list[Mapping[str, Any]]) -> dict[str, Any]:
