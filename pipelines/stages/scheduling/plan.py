@@ -36,7 +36,7 @@ from pipelines.stages.transients.run import request_of
 
 Attributes = Mapping[str, Any]
 
-CYCLES_PER_ONSET = 8  # a branch that begins near an onset has four to twelve points
+CYCLES_PER_ONSET = 2.5  # points of a branch, for the five cycles found alone that bracket an onset
 
 
 class StageStatus(Enum):
