@@ -196,7 +196,7 @@ def _followed(problem: CycleProblem, beside: Cycle, steps: int) -> Cycle | None:
         if done == 1.0:
             break
         ahead = min(1.0, done + share)
-        on_the_way = replace(problem, parameters=begin + ahead * (end - begin))
+        on_the_way = replace(problem, parameters=(1.0 - ahead) * begin + ahead * end)
         found = _newton(on_the_way, reached.unknowns.state, reached.basis, steps)
         if isinstance(found, Cycle):
             reached, done, share = found, ahead, 2.0 * share

@@ -193,12 +193,14 @@ def required_steps_at(
 def halved_change(problem: CycleProblem, cycle: Cycle) -> float:
     """Largest change of a cycle's leading multipliers with half the time steps; infinite if those diverge.
 
-    Of at most as many multipliers as fit into one chunk of columns: it costs little more than the orbit.
+    Of as many multipliers as fit into one chunk of columns, where they do not form a larger cluster: it costs
+    little more than the orbit.
     """
     period_map, start = problem.period_map, cycle.image.start
     moduli = np.append(np.abs(cycle.spectrum.multipliers), 0.0)
-    # the last gap that leaves so many: a pair must not be divided
-    last = max(k for k in range(1, min(LANES + 1, len(moduli))) if moduli[k] < _SEPARATE * moduli[k - 1])
+    # the last gap that leaves so few: a pair must not be divided
+    gaps = [k for k in range(1, len(moduli)) if moduli[k] < _SEPARATE * moduli[k - 1]] or [1]
+    last = max((k for k in gaps if k <= LANES), default=gaps[0])
     least = 0.5 * (moduli[last - 1] + moduli[last])
     half = period_map.rounded_steps(max(1, start.steps // 2))
 

@@ -16,6 +16,7 @@ from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, NewtonStop, ShootingOptions, correct
 from pipelines.orbits.steppers import DOPRI8, RK4
 from pipelines.orbits.system import DynamicalSystem, ode_system
+from pipelines.orbits.time_steps import halved_change
 from tests.systems import duffing, tondl
 
 TABLE = Path(__file__).parents[1] / "reference" / "tondl_verified_points.csv"
@@ -130,3 +131,29 @@ def test_an_unknown_period_is_refused() -> None:
     unknown = replace(problem, period_map=replace(problem.period_map, formulation=Formulation.AUTONOMOUS))
     with pytest.raises(ValueError, match="stroboscopic"):
         forced_cycle(unknown, resting(problem, np.zeros(2)), ForcedCycleOptions())
+
+
+@pytest.mark.parametrize(("equal", "rate"), [(4, -0.2), (12, -0.05)])
+def test_half_the_steps_change_the_leading_multipliers_of_a_cluster(equal: int, rate: float) -> None:
+    """exp(rate T) many times over, more often than a chunk has columns, and slower ones in the first case."""
+    rates = np.concatenate([np.full(equal, rate), np.linspace(-0.3, -0.9, 4)])
+    system = ode_system(
+        lambda phase, s, p: rates * s + np.cos(phase),
+        lambda phase, s, p: np.diag(rates),
+        len(rates),
+        ("omega",),
+        "omega",
+    )
+    stepper = PeriodMap(system, RK4, samples=4, minimum_steps=8)
+    problem = CycleProblem(stepper, np.array([1.0]), "omega", ShootingOptions(step_tolerance=0.5))
+    found = forced_cycle(problem, resting(problem, np.zeros(len(rates))), ForcedCycleOptions(tolerance=0.05))
+    assert isinstance(found, ForcedCycle)
+    step = 2.0 * np.pi * rates / found.cycle.steps
+
+    def multipliers(step: np.ndarray, steps: int) -> np.ndarray:
+        return np.asarray((1.0 + step + step**2 / 2.0 + step**3 / 6.0 + step**4 / 24.0) ** steps)
+
+    fine, half = multipliers(step, found.cycle.steps), multipliers(2.0 * step, found.cycle.steps // 2)
+    leading = np.argsort(-fine)[: max(8, equal)]
+    assert halved_change(problem, found.cycle) == pytest.approx(np.abs(fine - half)[leading].max(), rel=1e-6)
+    assert found.step_error == pytest.approx(np.abs(fine - half)[leading].max() / 15.0, rel=1e-6)
