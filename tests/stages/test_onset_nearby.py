@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.stages.calibration import onset_nearby as module
 from pipelines.stages.calibration import onset_speed as branches
 from pipelines.stages.calibration.onset_nearby import Cycles, onset_nearby
 from pipelines.stages.calibration.onset_speed import FOUND, onset_speed
@@ -74,7 +73,6 @@ def test_a_kind_that_changes_within_the_bracket_is_no_onset(monkeypatch: pytest.
         def critical(self, speed: float) -> complex:
             return 0.5j if speed < 1.0 else 1.2j
 
-    monkeypatch.setattr(module, "_is_stable", lambda cycles, speed: True)
     found = cycles()
     jumping = Prescribed(found.machine, found.case, found.parameters, KINDS, lambda: False)
     assert onset_nearby(jumping, RANGE, 1.0) is None

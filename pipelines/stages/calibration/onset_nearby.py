@@ -1,7 +1,7 @@
 """The onset speed near that of a machine nearby, from cycles found alone: no branch is followed.
 
-At the onset the leading multiplier of a kind passes the unit circle.  A stable cycle below and an unstable
-one above bracket it, and Brent's method finds it.
+At the onset the leading multiplier of a wanted kind passes the unit circle.  A cycle below with all of them
+inside and one above bracket it, and Brent's method finds it.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from pipelines.orbits.shooting import Cycle
 from pipelines.stages.results import ShouldStop, StopRequested
 from pipelines.stages.survey.cells import bifurcation_of, film_status, forced_cycles, resting_system
 
-BELOW = (0.96, 0.88)  # of the expected onset: where the cycle must be stable, the nearest first
-ABOVE = (1.02, 1.08, 1.16)  # and where it may be unstable
+BELOW = (0.96, 0.88)  # of the expected onset: where no wanted multiplier may lie outside, the nearest first
+ABOVE = (1.02, 1.08, 1.16)  # and where one must
 MISS = 1e-4  # of the cycles; onsets then differ from those of branches by less than 1e-5
 STEP_TOLERANCE = 1e-4  # of the time steps in the multipliers, unless the case allows more
 PLACE = 3e-5  # width of the last bracket, within which the growth is interpolated
@@ -88,9 +88,8 @@ def onset_nearby(cycles: Cycles, interval: tuple[float, float], expected: float)
     Raises StopRequested.
     """
     try:
-        below = next(
-            (speed for speed in _inside(BELOW, interval, expected) if _is_stable(cycles, speed)), None
-        )
+        falling = (speed for speed in _inside(BELOW, interval, expected) if cycles.growth(speed) < 0.0)
+        below = next(falling, None)
         if below is None:
             return None
         rising = (speed for speed in _inside(ABOVE, interval, expected) if cycles.growth(speed) >= 0.0)
@@ -112,7 +111,3 @@ def onset_nearby(cycles: Cycles, interval: tuple[float, float], expected: float)
 def _inside(factors: tuple[float, ...], interval: tuple[float, float], expected: float) -> list[float]:
     low, high = interval
     return [factor * expected for factor in factors if low <= factor * expected <= high]
-
-
-def _is_stable(cycles: Cycles, speed: float) -> bool:
-    return bool(np.all(np.abs(cycles.at(speed).spectrum.multipliers) < 1.0))
