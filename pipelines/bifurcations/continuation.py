@@ -77,6 +77,22 @@ def hermite_slopes(fraction: float, length: float) -> tuple[float, float, float,
     return ((6 * t**2 - 6 * t) / length, 3 * t**2 - 4 * t + 1, (6 * t - 6 * t**2) / length, 3 * t**2 - 2 * t)
 
 
+def extrapolated(
+    previous: tuple[Point, Point], newest: tuple[Point, Point], length: float, step: float
+) -> Point:
+    """The prediction a ``step`` beyond the newest point: the cubic through it and the previous one goes on.
+
+    Both come with their unit tangents and are ``length`` apart; where that is zero the tangent goes on.
+    """
+    if not length > 0.0:
+        return newest[0].plus(newest[1], step)
+    first, *weights = hermite_weights(1.0 + step / length, length)
+    guess = previous[0].scaled(first)
+    for part, weight in zip((previous[1], *newest), weights, strict=True):
+        guess = guess.plus(part, weight)
+    return guess
+
+
 def adapted_length(step: float, iterations: int, options: Any) -> float:
     """The next step length: longer if the corrector needed less than ``target_iterations``, else shorter."""
     factor = 2.0 ** ((options.target_iterations - iterations) / 2.0)
