@@ -48,7 +48,7 @@ ORDER = {
         "shooting", "time_steps", "hopf_start", "machine_cycles", "equilibria", "time_runs",
     ),
     "bifurcations": (
-        "continuation", "acceptance", "cycles", "detection", "location", "branch", "arclength", "plane",
+        "continuation", "acceptance", "roots", "cycles", "detection", "location", "branch", "arclength", "plane",
         "critical",
         "normal_forms", "curve", "curves", "curve_continuation", "switching", "hopf_point", "tori",
     ),

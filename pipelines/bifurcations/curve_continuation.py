@@ -50,6 +50,7 @@ from pipelines.bifurcations.curves.segment import (
     SegmentPoints,
     curve_end,
     locate_special,
+    with_normal_form,
 )
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind
@@ -205,6 +206,7 @@ class _Curve(Tracer[CurveState, _Step]):
         message = refusal(metric, state.tangent, segment.chord, segment.end.tangent, rule, segment.missed_at)
         if message is not None:
             return Rejected(message)
+        segment = replace(segment, end=with_normal_form(segment.end, metric, options.normal_form))
         return _with_specials(segment, state, options, accept_anyway=self.is_shortest(state))
 
 
@@ -361,7 +363,12 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
     twice = _passed_twice(points, state, before, after, options.normal_form)
     seen = {bracket.special for bracket in twice}
     once = [
-        Bracket(special, (0.0, 1.0), (float(before[special - 1]), float(after[special - 1])))
+        Bracket(
+            special,
+            (0.0, 1.0),
+            (float(before[special - 1]), float(after[special - 1])),
+            slopes=_resonance_slopes(segment, special, state),
+        )
         for special in crossed(before, after)
         if special not in seen
     ]
@@ -373,6 +380,24 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
         for special in (SpecialKind.R1, SpecialKind.R2)
     )
     return twice + once + [dip for dip in dips if dip is not None]
+
+
+def _resonance_slopes(
+    segment: CurveSegment, special: SpecialKind, state: CurveState
+) -> tuple[float, float] | None:
+    """Derivatives by the fraction of the test of a resonance at both ends; None for other special points."""
+    if segment.problem.kind is not EventKind.NEIMARK_SACKER or special > SpecialKind.R4:
+        return None
+    sign, chord = -1.0 if special is SpecialKind.R1 else 1.0, segment.chord
+    # an arclength ds along t is a fraction <t, chord> ds / <chord, chord>
+    before, after = (
+        sign * slope * segment.length**2 / segment.metric.inner(tangent, chord)
+        for slope, tangent in (
+            (state.cos_theta_slope, segment.start_tangent),
+            (segment.end.cos_theta_slope, segment.end.tangent),
+        )
+    )
+    return before, after
 
 
 def _passed_twice(

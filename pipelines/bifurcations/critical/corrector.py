@@ -156,7 +156,7 @@ def _measured(
     step: ManifoldStep,
     metric: PlaneMetric,
 ) -> Position:
-    """The gradient row made exact along both parts of the step, at the cost of two pairs of passes."""
+    """The gradient row made exact along both parts of the step, at the cost of three passes."""
     across = metric.unit(step.across)
     rest = step.correction.plus(across, -metric.inner(across, step.correction))
     size = metric.norm(rest)

@@ -21,7 +21,7 @@ from pipelines.bifurcations.critical.cycle_manifold import manifold_tangents
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveStart, CurveState, SpecialKind
 from pipelines.bifurcations.curves.codimension_two import resonant_end
-from pipelines.bifurcations.curves.segment import CurveEnd, curve_end
+from pipelines.bifurcations.curves.segment import CurveEnd, curve_end, with_normal_form
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import CurveProblem, MapAt, PlaneMetric, Position, metric_of
 from pipelines.orbits.floquet import adapted_basis
@@ -58,6 +58,7 @@ def start_curve(
     if resonant_end(problem.kind, opened.point.cos_theta) is not None:
         opened = _facing_inwards(problem, opened, options, metric)
     opened = replace(opened, point=replace(opened.point, step_error=required.error))
+    opened = with_normal_form(opened, metric, options.normal_form)
     at = opened.position
     if problem.period_map.autonomous:
         opened = _measured_by(opened, curve_metric(problem, options, at))
