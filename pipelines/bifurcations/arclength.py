@@ -36,6 +36,7 @@ from pipelines.bifurcations.continuation import (
     one_history,
     period_scale,
     returned,
+    told_error,
 )
 from pipelines.bifurcations.cycles.double_crossings import dips_inside, may_be_crossed
 from pipelines.bifurcations.cycles.segment import BranchMetric, Segment, metric_of
@@ -278,7 +279,7 @@ class _Branch(Tracer[BranchState, _Step]):
             correction = correct(problem, guess, constraint, state.basis, steps, reference)
         if correction.cycle is None:
             return correction, _NO_STEPS
-        required = required_steps(problem, correction.cycle)
+        required = required_steps(problem, correction.cycle, told_error(state))
         if required.steps <= steps:
             return correction, required
         steps = problem.period_map.rounded_steps(STEP_GROWTH * required.steps)

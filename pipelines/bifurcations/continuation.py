@@ -17,11 +17,13 @@ from typing import Any, Generic, Protocol, Self, TypeVar, cast
 import numpy as np
 
 from pipelines.orbits.system import Vector, size_of
+from pipelines.orbits.time_steps import RequiredSteps
 from pipelines.orbits.vectors import Metric, Point
 
 STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
 _CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
 _LONGEST = 0.1  # relative change of the period in a step of the maximum length, at most
+_TOLD = 5  # points after which the error of the time steps is found anew
 _SAME = 0.01  # distance within which two points are one, in units of the step: far above corrector errors
 
 
@@ -105,6 +107,11 @@ def one_history(
     """The second correction with the histories of both, so that the step length follows the whole effort."""
     both = {name: getattr(first, name) + getattr(second, name) for name in names}
     return replace(second, **both)  # type: ignore[type-var]
+
+
+def told_error(state: Any) -> RequiredSteps | None:
+    """What a point tells the next one of the error of its time steps; nothing at every fifth point."""
+    return None if (state.index + 1) % _TOLD == 0 else RequiredSteps(state.steps, state.step_error)
 
 
 State = TypeVar("State", bound="ResumableState")

@@ -27,6 +27,7 @@ from pipelines.bifurcations.continuation import (
     leaves_ranges,
     one_history,
     returned,
+    told_error,
 )
 from pipelines.bifurcations.critical.correction import CurveConstraint, CurveCorrection
 from pipelines.bifurcations.critical.corrector import correct_critical
@@ -274,7 +275,10 @@ def _predict_and_correct(
         guess = found.point.position
     if found is None or found.point is None or bound_passed(guess.parameters, options.ranges) is not None:
         return Rejected("the corrector leaves the ranges of the parameters")
-    required, newton_iterations = required_steps_of(problem, found.point), found.iterations
+    required, newton_iterations = (
+        required_steps_of(problem, found.point, told_error(state)),
+        found.iterations,
+    )
     enough = required.error <= _REPEATED * problem.options.step_tolerance
     if not enough and required.steps > steps:
         steps = problem.period_map.rounded_steps(STEP_GROWTH * required.steps)

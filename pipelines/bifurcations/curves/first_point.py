@@ -199,10 +199,15 @@ def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
     }
 
 
-def required_steps_of(problem: CurveProblem, found: CriticalCycle | CurveEnd) -> RequiredSteps:
-    """Steps per period that a corrected point asks for, and what those in use leave."""
+def required_steps_of(
+    problem: CurveProblem, found: CriticalCycle | CurveEnd, neighbour: RequiredSteps | None = None
+) -> RequiredSteps:
+    """Steps per period that a corrected point asks for, and what those in use leave.
+
+    ``neighbour`` as in ``required_steps``.
+    """
     if isinstance(found, CriticalCycle):
         basis, image = found.linear.basis, found.linear.image
     else:
         basis, image = found.point.cycle.basis, found.point.cycle.image
-    return required_steps_at(problem.period_map, problem.options, basis, image)
+    return required_steps_at(problem.period_map, problem.options, basis, image, neighbour)
