@@ -48,9 +48,9 @@ ORDER = {
         "shooting", "time_steps", "hopf_start", "machine_cycles", "equilibria", "time_runs",
     ),
     "bifurcations": (
-        "continuation", "acceptance", "roots", "cycles", "detection", "location", "branch", "arclength", "plane",
-        "critical",
-        "normal_forms", "curve", "curves", "curve_continuation", "switching", "hopf_point", "tori",
+        "continuation", "acceptance", "roots", "cycles", "detection", "location", "branch", "arclength",
+        "plane", "critical", "normal_forms", "curve", "curves", "curve_continuation", "switching",
+        "hopf_point", "tori",
     ),
     "stages": (
         "results", "parameter_columns", "job", "step_errors", "ending", "linear", "cycles", "curves",

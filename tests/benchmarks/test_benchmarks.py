@@ -37,6 +37,10 @@ NAMES = {
     },
     "growth_exponent": {"growth_exponent", "branch_point_12x2", "branch_point_16x2"},
     "curve_point_ratio": {"curve_point_ratio", "curve_point_ratio_normal_form"},
+    "passes_per_point": {
+        *("passes_per_branch_point", "orbits_per_branch_point"),
+        *("passes_per_curve_point", "orbits_per_curve_point"),
+    },
     "transient_steps_ratio": {"transient_steps_ratio", "transient_step"},
     "commit_ratio": {"commit_ratio", "commit"},
     "campaign_ratio": {"campaign_ratio"},
