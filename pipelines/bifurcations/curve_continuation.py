@@ -58,7 +58,7 @@ from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
 from pipelines.orbits.period_map import PhaseReference
-from pipelines.orbits.shooting import reference_of
+from pipelines.orbits.shooting import NewtonStop, reference_of
 from pipelines.orbits.system import Vector
 from pipelines.orbits.time_steps import next_steps
 
@@ -66,6 +66,7 @@ from pipelines.orbits.time_steps import next_steps
 # too large, else the next one has more steps.
 _REPEATED = 3.0
 _MISSED = 0.25  # share of the defect of a step by which the cubic may miss the curve, also beside a kink
+_STUCK = 0.25  # of a step in which the test function does not get smaller
 _RECENT = 10  # points that a curve may be near to because it has just left them
 _STARTED = 5e-3  # share of its change in a step within which a test at the first point is zero there
 
@@ -271,7 +272,7 @@ def _predict_and_correct(
             break
         found = correct_critical(problem, guess, constraint, basis, bordering, steps, reference)
         if found.point is None:
-            return Rejected(found.advice)
+            return Rejected(found.advice, factor=_STUCK if found.stop is NewtonStop.STUCK else 0.5)
         guess = found.point.position
     if found is None or found.point is None or bound_passed(guess.parameters, options.ranges) is not None:
         return Rejected("the corrector leaves the ranges of the parameters")
