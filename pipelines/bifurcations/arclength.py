@@ -261,7 +261,9 @@ class _Branch(Tracer[BranchState, _Step]):
         """
         problem, ranges = self.problem, (self.options.range,)
         row = self._metric(state.start).row(state.tangent)
-        length = state.arclength - state.previous_arclength
+        # each point has a phase condition of its own if the period is unknown: no cubic through two of them
+        free = problem.period_map.autonomous
+        length = 0.0 if free else state.arclength - state.previous_arclength
         guess = extrapolated(state.previous, (state.unknowns, state.tangent), length, state.step)
         constraint = Constraint(row, row.dot(state.unknowns) + state.step)
         passed = bound_passed((guess.parameter,), ranges)
