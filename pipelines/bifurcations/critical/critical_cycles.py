@@ -162,7 +162,7 @@ def critical_derivatives(
 ) -> CriticalDerivatives:
     """dg and d tr A along each direction.
 
-    From one pass with the m critical columns per direction, and their columns along the orbit.
+    From one pass with the m critical columns per direction, two if the period is unknown.
     """
     count = critical.right.shape[1]
     weights = None
