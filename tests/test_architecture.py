@@ -53,7 +53,7 @@ ORDER = {
         "normal_forms", "curve", "curves", "curve_continuation", "switching", "hopf_point", "tori",
     ),
     "stages": (
-        "results", "parameter_columns", "job", "step_errors", "ending", "linear", "cycles", "curves",
+        "results", "parameter_columns", "job", "parts", "step_errors", "ending", "linear", "cycles", "curves",
         "transients", "tori", "refinement", "calibration", "reports", "scheduling",
     ),
 }  # fmt: skip

@@ -9,8 +9,9 @@ tangent t at distance h when, with the test function g of ``pipelines.bifurcatio
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -226,12 +227,32 @@ def _along(
         (begin, state.tangent_parameters),
     )
     for name, curve in traced.items():
-        if all(
-            curve.runs_along(place, tangent, options.parameter_scales, same_sense)
-            for place, tangent in places
-        ):
+        if _runs_along(places, curve, options.parameter_scales, same_sense):
             return name
     return None
+
+
+def _runs_along(
+    places: Iterable[tuple[CurveStart, Vector]],
+    curve: KnownCurve,
+    scales: tuple[float, float],
+    same_sense: bool = False,
+) -> bool:
+    return all(curve.runs_along(place, tangent, scales, same_sense) for place, tangent in places)
+
+
+def would_end_on(recorded: KnownCurve, traced: Iterable[KnownCurve], scales: tuple[float, float]) -> bool:
+    """Whether a curve that was recorded without knowledge of other ones has a step along one of them.
+
+    With these among its ``traced`` curves, `continue_curve` would have ended before that step.
+    """
+    parts = zip(recorded.states, recorded.parameters, recorded.angles, recorded.tangents, strict=True)
+    places = [
+        (CurveStart(state, (float(first), float(second)), angle=float(angle)), tangent)
+        for state, (first, second), angle, tangent in parts
+    ]
+    steps = [(end, begin) for begin, end in pairwise(places)]
+    return any(_runs_along(step, curve, scales) for curve in traced for step in steps)
 
 
 def _place(position: Position, angle: float) -> CurveStart:

@@ -98,7 +98,7 @@ def write_group(
     fitted = fit_all(layouts, arrays, whole=True)
     ensure_container(store, group)
     folder = group_folder(store.path, group)
-    with GroupLock(store.path, group), _making(store, folder, sorted(layouts)):
+    with GroupLock(store.path, group), making(store, folder, sorted(layouts)):
         for name, array in layouts.items():
             _make_array(store, group, array, fitted[name])
         content = {**(attributes or {}), "status": COMPLETE, "dimensions": sizes, "arrays": sorted(layouts)}
@@ -330,14 +330,14 @@ def _make(
         "n_points": 0,
         "n_events": 0,
     }
-    with _making(store, folder, sorted(arrays)):
+    with making(store, folder, sorted(arrays)):
         for name, array in arrays.items():
             _make_array(store, group, array, fitted.get(name))
         _publish(store, folder, kind, {**content, "status": RUNNING, "stop_reason": "", "stop_advice": ""})
 
 
 @contextmanager
-def _making(store: Store, folder: Path, arrays: Sequence[str]) -> Iterator[None]:
+def making(store: Store, folder: Path, arrays: Sequence[str]) -> Iterator[None]:
     """Empty a group's folder, mark it as being made (`MAKING`), and remove the mark when done.
 
     A group that was there does not exist from here on. The mark tells what an interruption left from a group

@@ -2,6 +2,7 @@
 
 - results: progress reports and result of a stage
 - job: a case with its machine and its store
+- parts: what of a stage may be computed side by side
 - parameter_columns: parameters of a solution as columns, and back
 - step_errors: points whose time-step error is unknown
 - ending: the reason why a branch or curve ended, and whether it is a success
