@@ -13,13 +13,13 @@ from pipelines.datasets.store import Store, ensure_container
 
 
 def move_group(store: Store, group: str, target: str) -> None:
-    """Give a group another name, at which no group may be.
+    """Give a group another name, at which no group may be; waits for its writer.
 
-    Raises LockedStoreError while either is being written, StoreError, OSError.
+    Raises StoreError, OSError.
     """
     ensure_container(store, target)
     old, new = group_folder(store.path, group), group_folder(store.path, target)
-    with GroupLock(store.path, group), GroupLock(store.path, target):
+    with GroupLock(store.path, group, wait=True), GroupLock(store.path, target, wait=True):
         if store.has_group(target):
             raise ValueError(f"{target} exists")
         try:
@@ -32,10 +32,13 @@ def move_group(store: Store, group: str, target: str) -> None:
             raise about(error, new) from error
 
 
-def remove_group(store: Store, group: str) -> None:
-    """Remove a group with all of its rows. Raises like `move_group`."""
+def remove_group(store: Store, group: str, *, wait: bool = False) -> None:
+    """Remove a group with all of its rows.
+
+    ``wait``: for its writer, instead of raising LockedStoreError. Raises StoreError, OSError.
+    """
     folder = group_folder(store.path, group)
-    with GroupLock(store.path, group):
+    with GroupLock(store.path, group, wait=wait):
         with making(store, folder, sorted(read_group_metadata(store.path, group).arrays)):
             pass
         shutil.rmtree(folder)

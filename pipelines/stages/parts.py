@@ -98,11 +98,11 @@ def take_turn(job: Job, ahead: str, group: str) -> None:
 
 def discard(job: Job, ahead: str) -> None:
     """Remove what was computed ahead and differs from what its turn asks for."""
-    remove_group(job.store, job.path(ahead))
+    remove_group(job.store, job.path(ahead), wait=True)
 
 
 def discard_all(job: Job) -> None:
     """Remove everything that was computed ahead and is not needed. No part may be running."""
     for group in job.groups(AHEAD):
-        discard(job, group)
+        remove_group(job.store, job.path(group))
     remove_container(job.store, job.path(AHEAD))

@@ -7,7 +7,7 @@ import signal
 from collections.abc import Mapping
 from typing import Any
 
-from pipelines.stages.scheduling import campaign, tasks
+from pipelines.stages.scheduling import campaign
 
 POISONED = "displacement=0.2"
 
@@ -15,7 +15,8 @@ POISONED = "displacement=0.2"
 def poisoned(work: Mapping[str, Any], *others: Any) -> dict[str, Any]:
     if work["case"]["case_id"] == POISONED:
         os.kill(os.getpid(), signal.SIGKILL)
-    return tasks.run_task(work, *others)
+    return carry_out(work, *others)
 
 
-campaign.run_task = poisoned
+carry_out = campaign.carry_out
+campaign.carry_out = poisoned

@@ -35,7 +35,7 @@ from pipelines.stages.curves.track_curves import curves_result
 from pipelines.stages.cycles.branch import BranchRequest, is_traced, trace_branch
 from pipelines.stages.cycles.start import first_hopf
 from pipelines.stages.job import Job, Origin
-from pipelines.stages.parts import Part, Plan, compute_alone, discard_all, has_group
+from pipelines.stages.parts import Part, Plan, compute_alone, discard_all
 from pipelines.stages.results import Report, ShouldStop, StageResult
 
 Interval = tuple[float, float]
@@ -97,34 +97,39 @@ class SearchPlan(Plan):
     def parts(self, settled: bool = True) -> Generator[Part]:
         """The missing lines of a round, or the missing curves.
 
-        Lines of the first round do not wait for what starts curves.
+        Lines do not wait for what starts curves; the second round always follows the first.
         """
         self.lines, self.complete = [], False
         if self.lowest is None:
             return
-        for number in range(self.job.case.bifurcation_set.max_rounds):
-            fresh = lines_of_round(self.job, number, self.lowest)
-            requests = [
-                _request(self.job, line, index, self.lowest)
-                for index, line in enumerate(fresh, start=len(self.lines))
-            ]
-            if number > 0 and not any(has_group(self.job, request.group) for request in requests):
+        rounds = self.job.case.bifurcation_set.max_rounds
+        for number in range(rounds):
+            fresh, missing = self._round(number, self.lowest)
+            if number > 0:
                 if not settled or (yield from self._missing_curves()):
+                    yield from missing if number == 1 else ()
                     return
-                self.complete = self._rounds > 1 and self._last_round_was_in_vain()
+                self.complete = number > 1 and self._last_round_was_in_vain()
                 if self.complete:
                     return
-            parts = [
-                Part(request.group, {"line": astuple(line), "lowest": self.lowest})
-                for line, request in zip(fresh, requests, strict=True)
-                if not is_traced(self.job, request)
-            ]
-            if parts:
-                yield from parts
+            if missing:
+                yield from missing
+                if number == 0 and rounds > 1:
+                    self.lines += fresh
+                    yield from self._round(1, self.lowest)[1]
                 return
             self.lines += fresh
         if settled and not (yield from self._missing_curves()):
-            self.complete = self._rounds > 1 and self._last_round_was_in_vain()
+            self.complete = rounds > 1 and self._last_round_was_in_vain()
+
+    def _round(self, number: int, lowest: float) -> tuple[list[Line], list[Part]]:
+        """The lines of the round after those of `lines`, and parts for those that are missing."""
+        fresh, missing = lines_of_round(self.job, number, lowest), list[Part]()
+        for index, line in enumerate(fresh, start=len(self.lines)):
+            request = _request(self.job, line, index, lowest)
+            if not is_traced(self.job, request):
+                missing.append(Part(request.group, {"line": astuple(line), "lowest": lowest}))
+        return fresh, missing
 
     def compute(self, part: Part, job: Job) -> None:
         """Trace one line, or one curve in one direction."""
@@ -155,7 +160,11 @@ class SearchPlan(Plan):
         return _result(job, self.lines, self.complete)
 
     def _missing_curves(self) -> Generator[Part, None, bool]:
-        """The curves that are missing; returns whether there are any."""
+        """The curves from all `lines` that are missing; returns whether there are any."""
+        lines = {f"{LINES}{index:03d}" for index in range(len(self.lines))}
+        self.queue.without = frozenset(
+            group for group in self.job.groups("cycles") if group.startswith(LINES) and group not in lines
+        )
         found = False
         for part in curve_parts(self.queue):
             found = True
@@ -163,14 +172,10 @@ class SearchPlan(Plan):
         return found
 
     def _last_round_was_in_vain(self) -> bool:
-        last = self._rounds - 1
+        last = max((line.round for line in self.lines), default=0)
         return not any(
             _new_curves(self.job, index) for index, line in enumerate(self.lines) if line.round == last
         )
-
-    @property
-    def _rounds(self) -> int:
-        return self.lines[-1].round + 1 if self.lines else 0
 
 
 def nothing_to_search(case: Case) -> str | None:

@@ -59,7 +59,10 @@ def curve_is_needed(job: Job, part: Part) -> bool:
 
     Not if a curve before it has come to its start, or if its other half is the whole curve.
     """
-    start = _start_of(job, part)
+    return _is_needed(job, _start_of(job, part), part)
+
+
+def _is_needed(job: Job, start: Start, part: Part) -> bool:
     known = curves_of(job, start.problem.kind)
     others = [curve for name, curve in known.items() if name != start.origin.group]
     first = [curve for curve in others if Origin.of(curve.attributes) == start.origin]
@@ -124,8 +127,8 @@ def _parts_in_turn(job: Job, pending: PendingCurve) -> Iterator[Part]:
         elif not wanted:
             wanted = True
             yield _part(pending, half, ahead if has_group(job, ahead) else _next_group(pending))
-        elif not has_status_ended(job, ahead):
-            yield _part(pending, half, ahead, doubtful=True)
+        else:
+            yield from _part_ahead(job, pending, half, ())
 
 
 def _parts_ahead(job: Job, first: PendingCurve, waiting: Iterable[PendingCurve]) -> Iterator[Part]:
@@ -142,9 +145,14 @@ def _parts_ahead(job: Job, first: PendingCurve, waiting: Iterable[PendingCurve])
             before += [_group_ahead(start, half) for half in range(len(BOTH_WAYS))]
     for _, pending, after in sorted(found, key=lambda each: each[0]):
         for half in range(len(BOTH_WAYS)):
-            ahead = _group_ahead(pending.start, half)
-            if not has_status_ended(job, ahead):
-                yield _part(pending, half, ahead, after, doubtful=True)
+            yield from _part_ahead(job, pending, half, after)
+
+
+def _part_ahead(job: Job, pending: PendingCurve, half: int, after: Sequence[str]) -> Iterator[Part]:
+    """A half that is traced ahead, unless it has ended or is not needed."""
+    part = _part(pending, half, _group_ahead(pending.start, half), after, doubtful=True)
+    if not has_status_ended(job, part.group) and _is_needed(job, pending.start, part):
+        yield part
 
 
 def _of_kind(groups: Sequence[str], start: Start) -> list[str]:

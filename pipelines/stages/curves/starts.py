@@ -8,7 +8,7 @@ of their groups; each is compared with the curves traced before it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -71,7 +71,8 @@ class PendingCurve:
 class StartQueue:
     """The starts of a case's curves in the order of kinds and groups, read from the store at every call.
 
-    ``boundaries``: only starts that bound stable cycles.  ``settled``: starts that need no curve, whatever
+    ``boundaries``: only starts that bound stable cycles.  ``without``: branches whose bifurcations are not
+    taken into account yet.  ``settled``: starts that need no curve, whatever
     curves follow.  Of these, ``outside`` lie outside the plane, ``refused`` exceed the largest number of
     curves, and the others lie on a curve.
     """
@@ -79,6 +80,7 @@ class StartQueue:
     job: Job
     kinds: Sequence[EventKind]
     boundaries: bool = False
+    without: frozenset[str] = frozenset()
     settled: set[tuple[EventKind, Origin]] = field(default_factory=set)
     outside: int = 0
     refused: int = 0
@@ -89,7 +91,7 @@ class StartQueue:
         for kind in self.kinds:
             known = curves_of(self.job, kind)
             origins = {name: Origin.of(curve.attributes) for name, curve in known.items()}
-            for start in starts_of(self.job, kind):
+            for start in starts_of(self.job, kind, self.without):
                 mine = tuple(name for name in known if origins[name] == start.origin)
                 if mine and not _is_finished(self.job, start, [known[name] for name in mine]):
                     yield PendingCurve(start, mine, known)
@@ -141,14 +143,16 @@ def is_whole(start: Start, curve: Group) -> bool:
     return resonant_end(start.problem.kind, float(np.cos(curve["angle"][0]))) is not None
 
 
-def starts_of(job: Job, kind: EventKind) -> Iterator[Start]:
+def starts_of(job: Job, kind: EventKind, without: Collection[str] = ()) -> Iterator[Start]:
     """All starts of curves of a kind, in the order in which they are taken.
 
     First every bifurcation of the kind located on a branch, then every codimension-two point at which a
-    curve of the kind meets a stored one.
+    curve of the kind meets a stored one.  ``without``: branches that are left out.
     """
     flag = KINDS["cycles"].array("event_kind").flag(kind.name.lower())
     for group in job.groups("cycles"):
+        if group in without:
+            continue
         branch = job.read(group, EVENT_NAMES)
         if branch.attributes["status"] != ENDED:  # bifurcations found later would change the order
             continue
