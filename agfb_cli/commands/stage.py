@@ -148,6 +148,10 @@ def execute(stages: Stages, request: Request, console: Console, admit: Admit | N
     if admit is not None:
         refuse_other_store(request, named_cases)
         admit(chosen, request, console)
+    if request.pool is not None and request.pool.address is None:
+        from pipelines.stages.scheduling import pool, registry
+
+        pool.prepare_workers(registry.modules(stages))
     with Interruption(console) as interruption:
         put_aside(request, console)
         from pipelines.datasets.watching import command_lock

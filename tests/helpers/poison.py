@@ -7,7 +7,7 @@ import signal
 from collections.abc import Mapping
 from typing import Any
 
-from pipelines.stages.scheduling import campaign
+from pipelines.stages.scheduling import campaign, tasks
 
 POISONED = "displacement=0.2"
 
@@ -15,8 +15,7 @@ POISONED = "displacement=0.2"
 def poisoned(work: Mapping[str, Any], *others: Any) -> dict[str, Any]:
     if work["case"]["case_id"] == POISONED:
         os.kill(os.getpid(), signal.SIGKILL)
-    return carry_out(work, *others)
+    return tasks.ask_plan(work, *others)
 
 
-carry_out = campaign.carry_out
-campaign.carry_out = poisoned
+campaign.ask_plan = poisoned

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import multiprocessing
 import queue
 import signal
 import threading
@@ -35,7 +36,7 @@ from pipelines.case.reading import NamedCase
 from pipelines.datasets.watching import totals, watch
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.scheduling.agenda import Agenda, Chain, Deaths, Work
-from pipelines.stages.scheduling.pool import ClusterError, Pool
+from pipelines.stages.scheduling.pool import ENVIRONMENT, ClusterError, Pool
 from pipelines.stages.scheduling.registry import plan_function
 from pipelines.stages.scheduling.tasks import ask_plan, run_part, run_task
 
@@ -55,9 +56,8 @@ _PLANS = 8  # that a worker keeps, each with its machine
 SETTINGS: Mapping[str, Any] = MappingProxyType(
     {
         "distributed.scheduler.allowed-failures": 0,  # a dead worker's task comes back here at once
-        # with Dask's 64 KiB every larger temporary asks the system for new pages: a quarter more time
-        "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
-        "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 24,
+        **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ENVIRONMENT.items()},
+        "distributed.worker.multiprocessing-method": "forkserver",
         # what Dask watches for a dashboard that is off took 7 % of two cores from their cases
         "distributed.worker.profile.enabled": False,
         "distributed.admin.tick.interval": "1s",
@@ -142,6 +142,7 @@ def _client(pool: Pool, should_stop: ShouldStop, stack: ExitStack) -> Client | N
 
 def _own_cluster(pool: Pool, workers: int) -> LocalCluster:
     """Workers on this machine. One that dies during the start is no reason to give up."""
+    _wait_for_imports()
     for attempt in range(1, _STARTS + 1):
         try:
             return LocalCluster(
@@ -158,6 +159,13 @@ def _own_cluster(pool: Pool, workers: int) -> LocalCluster:
             if attempt == _STARTS:
                 raise ClusterError(f"the workers do not start: {error}", _advice(pool)) from error
     raise AssertionError
+
+
+def _wait_for_imports() -> None:
+    """Until workers can be made: on the first run kernels are compiled, and Dask would not wait so long."""
+    first = multiprocessing.get_context("forkserver").Process(target=int)
+    first.start()
+    first.join()
 
 
 def _connected(pool: Pool, should_stop: ShouldStop) -> Client | None:

@@ -7,7 +7,7 @@ signature `Stage` and a line here, and a plan if it consists of parts (`pipeline
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -79,6 +79,14 @@ def stage_function(stage: str) -> Stage:
     """
     function: Stage = _from_module(stage, stage)
     return function
+
+
+def modules(stages: Iterable[str]) -> list[str]:
+    """The modules that workers need for some stages, in the order in which they are imported."""
+    return [
+        *dict.fromkeys(f"pipelines.stages.{STAGES[stage]}" for stage in stages if stage in STAGES),
+        "pipelines.stages.scheduling.campaign",
+    ]
 
 
 def plan_function(stage: str) -> Callable[[NamedCase, Path, Report, ShouldStop], Plan]:
