@@ -136,7 +136,6 @@ class VirtualWorkers:
     ) -> None:
         """Show of every group that is being computed the points that it would have."""
         for end, number, work, kept in running:
-            share = (now - spans[number].begin) / kept.duration
             if kept.folder == Path() or (end > now and not kept.points):
                 continue
             folder = self._folder(work, store)
@@ -146,6 +145,7 @@ class VirtualWorkers:
             attributes = json.loads((kept.folder / METADATA).read_text())["attributes"]
             del attributes[CHECKSUM]
             if end > now:
+                share = (now - spans[number].begin) / kept.duration
                 attributes |= {"n_points": int(share * kept.points), "n_events": 0, "status": RUNNING}
             (folder / METADATA).write_bytes(encode_group(attributes["kind"], attributes))
 
