@@ -43,8 +43,10 @@ def curve_parts(queue: StartQueue) -> Iterator[Part]:
             return
         if not _takes_turn(job, first):
             break
-    yield from _parts_in_turn(job, first)
-    yield from _parts_ahead(job, first, waiting)
+    in_turn = _parts_in_turn(job, first)
+    yield next(in_turn)
+    ranked = [(1, part) for part in in_turn] + list(_ranked_ahead(job, first, waiting))
+    yield from (part for _, part in sorted(ranked, key=lambda each: each[0]))
 
 
 def compute_curve(job: Job, part: Part) -> None:
@@ -131,21 +133,25 @@ def _parts_in_turn(job: Job, pending: PendingCurve) -> Iterator[Part]:
             yield from _part_ahead(job, pending, half, ())
 
 
-def _parts_ahead(job: Job, first: PendingCurve, waiting: Iterable[PendingCurve]) -> Iterator[Part]:
-    """Further curves, of other kinds and periods first: these certainly differ from the first one."""
-    found: list[tuple[int, PendingCurve, list[str]]] = []
+def _ranked_ahead(
+    job: Job, first: PendingCurve, waiting: Iterable[PendingCurve]
+) -> Iterator[tuple[int, Part]]:
+    """The halves of further curves, those that are most likely needed with the lowest rank.
+
+    The first curve of another kind or period is certain, as curves of one kind do not meet those of another.
+    """
     before = [_group_ahead(first.start, half) for half in range(len(BOTH_WAYS))]
     ranks = Counter([(first.start.problem.kind, first.start.turns)])
     for pending in waiting:
-        start = pending.start
-        if not any(lies_on(job, start, curve) for curve in _existing(job, _of_kind(before, start))):
-            kind = start.problem.kind, start.turns
-            found.append((ranks[kind], pending, _of_kind(before, start)))
-            ranks[kind] += 1
-            before += [_group_ahead(start, half) for half in range(len(BOTH_WAYS))]
-    for _, pending, after in sorted(found, key=lambda each: each[0]):
+        start, after = pending.start, _of_kind(before, pending.start)
+        if any(lies_on(job, start, curve) for curve in _existing(job, after)):
+            continue
+        kind = start.problem.kind, start.turns
         for half in range(len(BOTH_WAYS)):
-            yield from _part_ahead(job, pending, half, after)
+            for part in _part_ahead(job, pending, half, after):
+                yield len(BOTH_WAYS) * ranks[kind] + half, part
+        ranks[kind] += 1
+        before += [_group_ahead(start, half) for half in range(len(BOTH_WAYS))]
 
 
 def _part_ahead(job: Job, pending: PendingCurve, half: int, after: Sequence[str]) -> Iterator[Part]:

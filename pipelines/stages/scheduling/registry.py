@@ -36,7 +36,7 @@ STAGES: Mapping[str, str] = MappingProxyType(
 )
 """Module below `pipelines.stages` that has the function of each stage, under the stage's name."""
 
-DIVIDED = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds", "bifurcation_set"})
+DIVIDED = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds", "bifurcation_set", "refine"})
 """Stages that consist of parts; the module of each has the function ``plan_<stage>`` beside its own."""
 
 AWAITED: Mapping[str, frozenset[str]] = MappingProxyType(
