@@ -36,8 +36,8 @@ from pipelines.case.reading import NamedCase
 from pipelines.datasets.watching import totals, watch
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.scheduling.agenda import Agenda, Chain, Deaths, Work
-from pipelines.stages.scheduling.pool import ENVIRONMENT, ClusterError, Pool
-from pipelines.stages.scheduling.registry import plan_function
+from pipelines.stages.scheduling.pool import ENVIRONMENT, ClusterError, Pool, prepare_workers
+from pipelines.stages.scheduling.registry import modules, plan_function
 from pipelines.stages.scheduling.tasks import ask_plan, run_part, run_task
 
 if TYPE_CHECKING:
@@ -85,6 +85,8 @@ def run_campaign(
         for name, level in SETTINGS["logging"].items():  # what goes wrong is told as a ClusterError
             logging.getLogger(name).setLevel(level.upper())
         stack.enter_context(_lost_connections(pool))
+        if pool.address is None:
+            prepare_workers(modules(stages))
         client = _client(pool, should_stop, stack)
         if client is None:
             return
