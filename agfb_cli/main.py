@@ -26,6 +26,7 @@ from agfb_cli.commands import (
     table,
     track_curves,
     transient,
+    unbalance_response,
     validate,
     verify,
 )
@@ -97,6 +98,7 @@ def agfb(
 
 app.command("linearize", help=linearize.HELP)(linearize.linearize)
 app.command("criticals", help=criticals.HELP)(criticals.criticals)
+app.command("unbalance-response", help=unbalance_response.HELP)(unbalance_response.unbalance_response)
 app.command("continue-cycles", help=continue_cycles.HELP)(continue_cycles.continue_cycles)
 app.command("continue", help="Short name of continue-cycles.")(continue_cycles.continue_cycles)
 app.command("continue-tori", help=continue_tori.HELP)(continue_tori.continue_tori)

@@ -55,7 +55,7 @@ def figures(
 ) -> None:
     """Draw the figures of a store.
 
-    Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bifurcation,
+    Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bode, bifurcation,
     multipliers, orbits, film, tree, stability, tori, section; for transients: envelope, unbalance, waterfall,
     spectrum, poincare, modal-energy; for several cases together: sets (bifurcation sets in one map),
     envelopes (one below the other), tornado and scatter (results over the keys in which the cases differ). No

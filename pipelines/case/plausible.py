@@ -64,6 +64,8 @@ def _values(case: Case, table: str) -> Iterator[_Value]:
         yield _Value((table, "speed_range"), SPEED, case.linearize.speed_range)
     elif table == "criticals":
         yield _Value((table, "speed_range"), SPEED, case.criticals.speed_range)
+    elif table == "unbalance_response":
+        yield _Value((table, "speed_range"), SPEED, case.unbalance_response.speed_range)
     elif table in ("continue_cycles", "continue_tori"):
         branch = getattr(case, table)
         yield _Value((table, "range"), branch.parameter, branch.range)

@@ -13,6 +13,7 @@ from pipelines.case.calibrate_settings import calibration_inconsistencies
 from pipelines.case.fields import Inconsistency, Path
 from pipelines.case.models import Case
 from pipelines.case.plausible import implausible_values
+from pipelines.case.rotor import off_shaft
 from pipelines.case.scales import PARAMETERS
 from pipelines.case.torus_settings import torus_inconsistencies
 from pipelines.case.transient_settings import transient_inconsistencies
@@ -27,6 +28,9 @@ NO_EFFECT = "has no effect at displacement 0: nothing depends on the excitation 
 RESTING = (
     "the cycles are self-excited, and rings that move force their period upon them: give "
     'excitation.frequency, and continue_cycles.formulation = "stroboscopic"'
+)
+NO_UNBALANCE = (
+    "nothing excites the rotor: give [unbalance] with planes and moments, or a grade with its rated speed"
 )
 CLOSED = "times the largest of excitation.amplitudes must stay below 1: the ring closes the film"
 
@@ -90,6 +94,15 @@ def _transient(case: Case) -> Iterator[Inconsistency]:
         yield ("transient", *path), message
 
 
+def _response(case: Case) -> Iterator[Inconsistency]:
+    if case.unbalance is None:
+        yield ("unbalance",), NO_UNBALANCE
+    last = case.rotor.node_count - 1
+    for index, node in enumerate(case.unbalance_response.probes):
+        if node > last:
+            yield ("unbalance_response", "probes", index), off_shaft(node, last)
+
+
 def _calibration(case: Case) -> Iterator[Inconsistency]:
     if case.calibrate is None:
         yield (
@@ -144,6 +157,7 @@ STAGE_TABLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "linearize": ("linearize",),
         "criticals": ("criticals",),
+        "unbalance_response": ("unbalance_response",),
         "continue_cycles": ("continue_cycles", "linearize"),  # a whirl is sought along linearize.speed_range
         "track_pd": ("track_curves",),
         "track_ns": ("track_curves",),
@@ -158,6 +172,7 @@ STAGE_TABLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """The tables of a case that a stage reads beside those of the machine, its own first."""
 _CHECKS: Mapping[str, Check] = MappingProxyType(
     {
+        "unbalance_response": _response,
         "continue_cycles": _cycles,
         "track_pd": _curves,
         "track_ns": _curves,

@@ -288,6 +288,37 @@ CRITICALS = GroupSpec(
     ),
 )
 
+UNBALANCE_RESPONSE = GroupSpec(
+    "unbalance_response",
+    "Response of the linearised machine to its unbalance over the speed",
+    (
+        _real("speed", "speed", "rotating speed, dimensionless"),
+        _count("plane_node", "plane", "node of the plane of unbalance"),
+        _real("plane_moment", "plane", "unbalance of the plane", "kg m"),
+        _real("plane_phase", "plane", "angle of the unbalance from the rotor's mark", "rad"),
+        _count("probe_node", "probe", "node of the probe"),
+        _complex(
+            "response",
+            "speed plane probe axis",
+            f"motion under each plane alone: modulus is the amplitude {FIRST}, argument the phase ahead of "
+            "the rotor's mark",
+        ),
+        _real(
+            "journal_motion",
+            "speed bearing",
+            "largest radius of the journal's orbit under all planes, over the smallest film",
+        ),
+        _count("peak_probe", "peak", "probe of the resonance, index into probe_node"),
+        _flag("peak_axis", "peak", "axis of the resonance", "x", "y"),
+        _real("peak_speed", "peak", "speed of the largest amplitude under all planes"),
+        _real("peak_amplitude", "peak", f"amplitude there, {FIRST}"),
+        _real("peak_phase", "peak", "phase there, ahead of the rotor's mark", "rad"),
+        _real("peak_low", "peak", "lower speed with 0.7071 of this amplitude; NaN where there is none"),
+        _real("peak_high", "peak", "upper speed with 0.7071 of this amplitude; NaN where there is none"),
+        _real("peak_amplification", "peak", "amplification factor peak_speed / (peak_high - peak_low)"),
+    ),
+)
+
 CYCLES = GroupSpec(
     "cycles",
     "A branch of limit cycles with Floquet multipliers and located bifurcations",
@@ -818,6 +849,7 @@ KINDS: Mapping[str, GroupSpec] = {
         MACHINE,
         LINEAR,
         CRITICALS,
+        UNBALANCE_RESPONSE,
         CYCLES,
         TORI,
         CURVE,

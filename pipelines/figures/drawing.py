@@ -22,6 +22,7 @@ from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES
 from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram
 from pipelines.figures.bifurcation_tree import draw_bifurcation_tree
+from pipelines.figures.bode import draw_bode
 from pipelines.figures.campbell import draw_campbell
 from pipelines.figures.case_tables import RUNS, CaseTables, Notify, kind_of, read_case
 from pipelines.figures.condensation import draw_condensation
@@ -45,6 +46,7 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "linearization": "linear",
         "campbell": "criticals",
         "condensation": "criticals",
+        "bode": "unbalance_response",
         "bifurcation": "cycles",
         "multipliers": "cycles",
         "orbits": "cycles",
@@ -64,6 +66,7 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
 # Figure: kinds of groups that add to it where the store has them.
 BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
     {
+        "bode": ("linear",),
         "bifurcation": ("refinement",),
         "stability": ("criticals", "bifurcation_set", "operating_range", "refinement"),
         "tori": ("cycles",),
@@ -209,7 +212,7 @@ def _plans(
     if asked:
         _notify_missing(case, own, {kind_of(name) for name in held.tables}, notify)
     view, branches = held.view, held.of_kind("cycles")
-    plans = [plan for kind, table in held.single.items() for plan in _single_plans(view, kind, table)]
+    plans = [plan for kind in held.single for plan in _single_plans(view, kind, held.single)]
     plans += [
         *_bifurcation_plans(view, branches, held.single.get("refinement")),
         *_branch_plans(view, branches),
@@ -234,8 +237,9 @@ def _notify_missing(case: str, kinds: Collection[str], held: Collection[str], no
         notify(f"{case}: {left}: the store has no group {group!r} for this case")
 
 
-def _single_plans(view: CaseView, kind: str, table: Table) -> list[FigurePlan]:
-    """Figures of a group that a case has at most once."""
+def _single_plans(view: CaseView, kind: str, groups: Mapping[str, Table]) -> list[FigurePlan]:
+    """Figures of one kind among the ``groups`` that a case has at most once."""
+    table = groups[kind]
     if kind == "machine":
         return [FigurePlan("machine", "machine", partial(draw_machine, view))]
     if kind == "criticals":
@@ -243,6 +247,8 @@ def _single_plans(view: CaseView, kind: str, table: Table) -> list[FigurePlan]:
             FigurePlan("campbell", "campbell", partial(draw_campbell, view, table)),
             FigurePlan("condensation", "condensation", partial(draw_condensation, view, table)),
         ]
+    if kind == "unbalance_response":
+        return [FigurePlan("bode", "bode", partial(draw_bode, view, table, groups.get("linear")))]
     if kind == "linear":
         draw = partial(draw_linearization, view, table)
         return [

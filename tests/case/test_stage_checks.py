@@ -13,12 +13,13 @@ from pipelines.stages.scheduling.registry import STAGES
 RIGID = "bearings.foil={rigid=true}"
 RING = "[excitation.ring]\ninner_radius = 0.02\nthickness = 2e-3\nwidth = 0.02\nyoung_modulus = 2e11\n"
 RING += "poisson_ratio = 0.3\n"
+UNBALANCE = "unbalance.planes=[{node = 0, moment = 0.1}]"
 CURVES = {"track_pd", "track_ns", "track_folds"}
 
 
 def refused(text: str, *overrides: str, stages: tuple[str, ...] = tuple(STAGES)) -> dict[str, list[Problem]]:
     """What is wrong for each stage, where something is."""
-    (named,) = read_cases(text, "demo.toml", overrides, stages=())
+    (named,) = read_cases(text, "demo.toml", (UNBALANCE, *overrides), stages=())
     found = {stage: stage_problems(named, (stage,)) for stage in stages}
     return {stage: problems for stage, problems in found.items() if problems and stage != "calibrate"}
 

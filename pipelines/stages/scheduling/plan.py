@@ -24,7 +24,7 @@ from pipelines.stages.curves import bifurcation_set, track_curves
 from pipelines.stages.cycles import continue_cycles
 from pipelines.stages.cycles.branch import NOT_ASKED, WANTING_POINTS
 from pipelines.stages.ending import stop_reasons
-from pipelines.stages.linear import criticals, missing_speeds
+from pipelines.stages.linear import criticals, missing_speeds, unbalance_response
 from pipelines.stages.refinement import refine
 from pipelines.stages.refinement.points import stored_points
 from pipelines.stages.scheduling.durations import Durations
@@ -122,16 +122,21 @@ class _Extent:
     """What only this stage knows of what is there."""
 
 
-def _made_in_one_piece(found: Planned, here: _Here) -> Planned:
-    """The critical speeds: recomputed for another table."""
-    if not here.own:
-        return found
-    (group,) = here.own.values()
-    ended = StageStatus.COMPLETE if group["stop_reason"] in criticals.SUCCESSFUL else StageStatus.FAILED
-    there = StageStatus.NOTHING if found.there is StageStatus.DIFFERENT_SETTINGS else ended
-    return replace(
-        found, there=there, points=0 if there is StageStatus.NOTHING else here.case.criticals.points
-    )
+def _made_in_one_piece(
+    request_of: Callable[[Case], Attributes], success: frozenset[str]
+) -> Callable[[Planned, _Here], Planned]:
+    """A group that is written whole, and recomputed for another request."""
+
+    def adjusted(found: Planned, here: _Here) -> Planned:
+        if not here.own:
+            return found
+        (group,) = here.own.values()
+        if group["request"] != request_of(here.case):
+            return replace(found, there=StageStatus.NOTHING, points=0)
+        ended = StageStatus.COMPLETE if group["stop_reason"] in success else StageStatus.FAILED
+        return replace(found, there=ended, points=found.most or 0)
+
+    return adjusted
 
 
 def _in_both_directions(found: Planned, here: _Here) -> Planned:
@@ -211,7 +216,17 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             table="criticals",
             duration=Durations.of_campbell_speed,
             most=lambda case: case.criticals.points,
-            adjusted=_made_in_one_piece,
+            adjusted=_made_in_one_piece(
+                lambda case: case.criticals.model_dump(mode="json"), criticals.SUCCESSFUL
+            ),
+        ),
+        "unbalance_response": _Extent(
+            groups=(unbalance_response.GROUP,),
+            success=missing_speeds.SUCCESSFUL,
+            table="unbalance_response",
+            duration=Durations.of_equilibrium,
+            most=lambda case: case.unbalance_response.points,
+            adjusted=_made_in_one_piece(unbalance_response.request_of, missing_speeds.SUCCESSFUL),
         ),
         "continue_cycles": _Extent(
             groups=("cycles/b", "cycles/d"),

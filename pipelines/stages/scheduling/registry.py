@@ -19,6 +19,7 @@ STAGES: Mapping[str, str] = MappingProxyType(
     {
         "linearize": "linear.linearize",
         "criticals": "linear.criticals",
+        "unbalance_response": "linear.unbalance_response",
         "continue_cycles": "cycles.continue_cycles",
         "track_pd": "curves.track_curves",
         "track_ns": "curves.track_curves",
