@@ -40,8 +40,8 @@ lint: $(INSTALLED) ## check format, style and types
 	$(BIN)/ruff check
 	$(BIN)/mypy
 
-smoke: $(INSTALLED) ## run the main job on configs/smoke.toml: build/smoke.zarr and figures
-	$(BIN)/agfb run configs/smoke.toml -o build/smoke.zarr
+smoke: $(INSTALLED) ## run the main job on configs/tongue.toml: build/smoke.zarr and figures
+	$(BIN)/agfb run configs/tongue.toml -o build/smoke.zarr
 
 # The paper's figures. Each number has a store, made by the stages of its configuration; each letter shows some cases.
 # On a finer grid, beside: make fig3 PAPER=build/fine OPTIONS='--set numerics.circumferential=40 --set numerics.axial=3'

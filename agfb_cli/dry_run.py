@@ -52,13 +52,10 @@ def show_plan(
 def time_left(planned: Sequence[Planned], processes: int) -> tuple[float, int]:
     """Seconds of all stages of known length on a number of processes, and how many have unknown length.
 
-    The stages of a case follow each other: it takes at least as long as its longest case.
+    Parts of a stage run side by side; how many there are is not known before.
     """
-    by_case: dict[str, float] = {}
-    for each in planned:
-        by_case[each.case_id] = by_case.get(each.case_id, 0.0) + (each.seconds or 0.0)
-    longest = max(by_case.values(), default=0.0)
-    return max(sum(by_case.values()) / processes, longest), sum(each.seconds is None for each in planned)
+    known = [each.seconds for each in planned if each.seconds is not None]
+    return sum(known) / processes, len(planned) - len(known)
 
 
 def _row(each: Planned) -> tuple[Any, ...]:

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 LARGEST_CONFIGURATION = 4 * 1024 * 1024
 
 
-def read_configuration(path: Path) -> str:
-    """The text of a TOML file.
+def read_configuration(path: Path, kind: str = "TOML file") -> str:
+    """The text of a TOML file, or of another kind of file.
 
     Raises UsageError when there is no such file, or it is a directory, unreadable, too large or not text.
     """
     if os.path.isdir(path):  # pathlib would raise for a name that is too long
-        raise UsageError(f"{path}: is a directory, a TOML file is needed", _configurations_in(path))
+        raise UsageError(f"{path}: is a directory, a {kind} is needed", _configurations_in(path))
     try:
         with path.open("rb") as file:
             raw = file.read(LARGEST_CONFIGURATION + 1)
@@ -37,7 +37,7 @@ def read_configuration(path: Path) -> str:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{path}: not UTF-8 text (byte {error.start})", "a configuration is a TOML file in UTF-8"
+            f"{path}: not UTF-8 text (byte {error.start})", f"save it as {kind} in UTF-8"
         ) from None
     if "\0" in text:
         raise UsageError(f"{path}: binary file", "a configuration is a TOML file in UTF-8")

@@ -17,14 +17,18 @@ from agfb_cli.commands import (
     doctor,
     export,
     figures,
+    import_model,
     info,
     linearize,
     report,
     run,
     schema,
     status,
+    survey,
+    table,
     track_curves,
     transient,
+    unbalance_response,
     validate,
     verify,
 )
@@ -96,6 +100,8 @@ def agfb(
 
 app.command("linearize", help=linearize.HELP)(linearize.linearize)
 app.command("criticals", help=criticals.HELP)(criticals.criticals)
+app.command("unbalance-response", help=unbalance_response.HELP)(unbalance_response.unbalance_response)
+app.command("survey", help=survey.HELP)(survey.survey)
 app.command("continue-cycles", help=continue_cycles.HELP)(continue_cycles.continue_cycles)
 app.command("continue", help="Short name of continue-cycles.")(continue_cycles.continue_cycles)
 app.command("continue-tori", help=continue_tori.HELP)(continue_tori.continue_tori)
@@ -106,7 +112,9 @@ app.command("transient", help=transient.HELP)(transient.transient)
 app.command("run", help=run.HELP)(run.run)
 app.command("calibrate", help=calibrate.HELP)(calibrate.calibrate)
 app.command("report")(report.report)
+app.command("table")(table.case_table)
 app.command("figures")(figures.figures)
+app.add_typer(import_model.app, name="import", help=import_model.HELP)
 app.command("validate")(validate.validate)
 app.command("schema")(schema.schema)
 app.command("info")(info.info)

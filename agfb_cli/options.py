@@ -68,7 +68,11 @@ Force = Annotated[
 Workers = Annotated[
     int | None,
     typer.Option(
-        "--workers", metavar="N", min=1, max=1000, help="Processes that compute cases side by side."
+        "--workers",
+        metavar="N",
+        min=1,
+        max=1000,
+        help="Processes that compute cases, and parts of a case, side by side.",
     ),
 ]
 Scheduler = Annotated[

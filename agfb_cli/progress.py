@@ -50,14 +50,14 @@ class ProgressReporter:
         self._console = console
         self._clock = clock
         self._tasks, self._ended = tasks, 0
-        self._tracks: dict[tuple[str, str], _Track] = {}
+        self._tracks: dict[tuple[str, str, str], _Track] = {}  # by stage, case and part
         self._frame = -math.inf
 
     def __call__(self, progress: Progress) -> None:
         """Take one report; show it when it is time."""
         if self._console.quiet:
             return
-        now, subject = self._clock(), (progress.stage, progress.case_id)
+        now, subject = self._clock(), (progress.stage, progress.case_id, progress.part)
         track = self._tracks.get(subject)
         if track is None or (track.newest is not None and progress.done < track.newest.done):
             # A resumed branch starts at its last committed point: the rate counts only what is computed now,
@@ -88,7 +88,8 @@ class ProgressReporter:
     def ended(self, stage: str, case_id: str) -> None:
         """End a stage on a case: drop its state and clear the overwritten line."""
         self._ended += 1
-        self._tracks.pop((stage.replace("_", "-"), case_id), None)
+        for subject in [each for each in self._tracks if each[:2] == (stage.replace("_", "-"), case_id)]:
+            del self._tracks[subject]
         if self._console.animated and self._frame > -math.inf:
             self._console.transient("")
         self._frame = -math.inf

@@ -45,16 +45,17 @@ CONFINED = {
 ORDER = {
     "orbits": (
         "system", "solving", "vectors", "steppers", "integration", "period_map", "compiled", "floquet",
-        "shooting", "time_steps", "hopf_start", "machine_cycles", "equilibria", "time_runs",
+        "shooting", "time_steps", "harmonic_balance", "forced_cycle", "hopf_start", "machine_cycles",
+        "equilibria", "time_runs",
     ),
     "bifurcations": (
-        "continuation", "acceptance", "cycles", "detection", "location", "branch", "arclength", "plane",
-        "critical",
-        "normal_forms", "curve", "curves", "curve_continuation", "switching", "hopf_point", "tori",
+        "continuation", "acceptance", "roots", "cycles", "detection", "location", "branch", "arclength",
+        "plane", "critical", "normal_forms", "curve", "curves", "curve_continuation", "switching",
+        "hopf_point", "tori",
     ),
     "stages": (
-        "results", "parameter_columns", "job", "step_errors", "ending", "linear", "cycles", "curves",
-        "transients", "tori", "refinement", "calibration", "reports", "scheduling",
+        "results", "parameter_columns", "job", "parts", "step_errors", "ending", "linear", "cycles", "curves",
+        "survey", "transients", "tori", "refinement", "calibration", "reports", "scheduling",
     ),
 }  # fmt: skip
 TOP_LEVEL_FOLDERS = {"agfb_cli", "pipelines", "configs", "tests"}

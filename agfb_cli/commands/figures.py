@@ -55,10 +55,11 @@ def figures(
 ) -> None:
     """Draw the figures of a store.
 
-    Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bifurcation,
-    multipliers, orbits, film, tree, stability, tori, section; for transients: envelope, unbalance, waterfall,
-    spectrum, poincare, modal-energy; for several cases together: sets (bifurcation sets in one map),
-    envelopes (one below the other). No figure shows the branches of the search (cycles/s000, ...). Files are
+    Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bode, bifurcation,
+    multipliers, orbits, film, tree, stability, survey, tori, section; for transients: envelope, unbalance,
+    waterfall, spectrum, poincare, modal-energy; for several cases together: sets (bifurcation sets in one
+    map), envelopes (one below the other), tornado and scatter (results over the keys in which the cases
+    differ). No figure shows the branches of the search (cycles/s000, ...). Files are
     DIRECTORY/CASE/FIGURE.FORMAT, without CASE for several cases; equal stores give equal bytes.
     """
     console = Console(quiet, verbose, json, traceback)

@@ -17,6 +17,7 @@ from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbo
 if TYPE_CHECKING:
     from pipelines.datasets.store import Store as StoreOnDisk
     from pipelines.stages.reports.operating_range import Best, OperatingRange, Stretch
+    from pipelines.stages.reports.survey_summary import SurveySummary
 
 Scales = Mapping[str, float]
 BIFURCATIONS = {"fold": "fold", "period_doubling": "period doubling", "neimark_sacker": "Neimark-Sacker"}
@@ -36,21 +37,24 @@ def report(
     For every excitation frequency the range extends from the lowest speed to the first period doubling,
     Neimark-Sacker point or fold on the stored curves of `agfb run`. Also reports the best excitation
     frequency and its gain. Computes only where the curves are crossed. Writes cases/CASE/operating_range,
-    which `agfb figures` shades.
+    which `agfb figures` shades. Of a survey (`agfb survey`) it tells how much of the plane is unstable, and
+    how the survey agrees with the curves.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         path = existing_store(store)
         found, missing = operating_ranges(path, case)
+        surveys = survey_summaries(path, case, found)
+        missing = {name: why for name, why in missing.items() if name not in surveys}
         for name in missing:
             console.error(f"{name}: {missing[name]}")
-        if not found:
+        if not found and not surveys:
             raise UsageError(
                 f"{store}: no bifurcation set to report on",
                 "`agfb run CONFIG -o STORE` searches the plane of excitation frequency and speed",
             )
         written = store_ranges(path, found, console)
-        show(path, found, missing, written, console)
+        show(path, found, surveys, missing, written, console)
         if missing:
             raise typer.Exit(ExitCode.CASES_FAILED)
 
@@ -72,6 +76,20 @@ def operating_ranges(path: Path, pattern: str | None) -> tuple[dict[str, Operati
     return found, missing
 
 
+def survey_summaries(
+    path: Path, pattern: str | None, ranges: Mapping[str, OperatingRange]
+) -> dict[str, SurveySummary]:
+    """What there is to say of the surveys of the chosen cases."""
+    from pipelines.datasets.reading import list_cases
+    from pipelines.datasets.store import open_for_reading
+    from pipelines.stages.reports.survey_summary import survey_summary
+
+    opened = open_for_reading(path)
+    chosen = matching(list_cases(opened), pattern)
+    summaries = {case: survey_summary(opened, case, ranges.get(case)) for case in chosen}
+    return {case: summary for case, summary in summaries.items() if summary is not None}
+
+
 def store_ranges(path: Path, found: Mapping[str, OperatingRange], console: Console) -> bool:
     """Write the ranges into their store; False, with a message, if it is read-only."""
     from pipelines.datasets.store import open_for_reading
@@ -87,6 +105,7 @@ def store_ranges(path: Path, found: Mapping[str, OperatingRange], console: Conso
 def show(
     path: Path,
     found: Mapping[str, OperatingRange],
+    surveys: Mapping[str, SurveySummary],
     missing: Mapping[str, str],
     written: bool,
     console: Console,
@@ -109,7 +128,10 @@ def show(
             }
             for case, ranges in found.items()
         }
-        console.json_data({"store": str(path), "written": written, "cases": cases, "missing": missing})
+        told = {case: summary.as_dict() for case, summary in surveys.items()}
+        console.json_data(
+            {"store": str(path), "written": written, "cases": cases, "surveys": told, "missing": missing}
+        )
         return
     for number, (case, ranges) in enumerate(found.items()):
         scales: Scales = case_attributes(opened, case)["scales"]
@@ -120,8 +142,13 @@ def show(
         error, doubt = condensed[case]
         if error is not None:
             console.data(f"condensed rotor: modes below the highest speed at most {100.0 * error:.2g} % off")
+        if case in surveys:
+            console.data(surveys[case].sentence())
         for caution in filter(None, (*ranges.cautions, doubt, step_errors.caution(uncertain[case]))):
             console.message(f"caution: {case}: {caution}")
+    for case in surveys:
+        if case not in found:
+            console.data(f"{case}: {surveys[case].sentence()}")
 
 
 def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:

@@ -148,6 +148,10 @@ def execute(stages: Stages, request: Request, console: Console, admit: Admit | N
     if admit is not None:
         refuse_other_store(request, named_cases)
         admit(chosen, request, console)
+    if request.pool is not None and request.pool.address is None:
+        from pipelines.stages.scheduling import pool, registry
+
+        pool.prepare_workers(registry.modules(stages))
     with Interruption(console) as interruption:
         put_aside(request, console)
         from pipelines.datasets.watching import command_lock
@@ -241,7 +245,10 @@ def put_aside(request: Request, console: Console) -> None:
 
 def prepare(request: Request, named_cases: Sequence[NamedCase], console: Console) -> None:
     """Create the store, or check that the one that exists was made from the same configuration."""
-    with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
+    from pipelines.stages.scheduling.first_run import compiling_beside
+
+    compiling = "compiling kernels (first run only)"
+    with console.announce_if_slow(compiling, SECONDS_BEFORE_ANNOUNCEMENT), compiling_beside():
         from pipelines.stages.scheduling.preparation import prepare_store
 
     prepare_store(request.store, named_cases, ["agfb", *sys.argv[1:]])

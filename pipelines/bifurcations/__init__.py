@@ -4,6 +4,7 @@
 - acceptance: the rule by which a step is accepted
 - branch, arclength: branches of cycles: options and results; the continuation
 - detection, location: detect bifurcations between two cycles by test functions; locate them
+- roots: zeros of functions whose every value costs passes
 - cycles: parts of the branch continuation: `segment` of a branch, `double_crossings` within it,
   `crossing_cycles` (own doubling, own pitchfork)
 - plane: cycles over a plane of two parameters: problem, positions, metric

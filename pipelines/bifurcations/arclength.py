@@ -30,11 +30,13 @@ from pipelines.bifurcations.continuation import (
     Tracer,
     adapted_length,
     bound_passed,
+    extrapolated,
     follow,
     leaves_ranges,
     one_history,
     period_scale,
     returned,
+    told_error,
 )
 from pipelines.bifurcations.cycles.double_crossings import dips_inside, may_be_crossed
 from pipelines.bifurcations.cycles.segment import BranchMetric, Segment, metric_of
@@ -137,6 +139,12 @@ class _Branch(Tracer[BranchState, _Step]):
             step_error=required.error,
             basis=following_basis(problem, cycle),
             multipliers=cycle.spectrum.multipliers,
+            previous_state=at.state,
+            previous_period=at.period,
+            previous_parameter=at.parameter,
+            previous_tangent_state=tangent.state,
+            previous_tangent_period=tangent.period,
+            previous_tangent_parameter=tangent.parameter,
             previous_multipliers=np.zeros(0, dtype=complex),
             previous_arclength=0.0,
             start_state=at.state,
@@ -197,6 +205,12 @@ class _Branch(Tracer[BranchState, _Step]):
             step_error=step.point.step_error,
             basis=following_basis(self.problem, cycle),
             multipliers=cycle.spectrum.multipliers,
+            previous_state=state.state,
+            previous_period=state.period,
+            previous_parameter=state.parameter,
+            previous_tangent_state=state.tangent_state,
+            previous_tangent_period=state.tangent_period,
+            previous_tangent_parameter=state.tangent_parameter,
             previous_multipliers=state.multipliers,
             previous_arclength=state.arclength,
         )
@@ -240,14 +254,17 @@ class _Branch(Tracer[BranchState, _Step]):
     def _predict_and_correct(
         self, state: BranchState, steps: int, reference: PhaseReference | None
     ) -> tuple[Correction, RequiredSteps]:
-        """Correct the tangent prediction on the arclength row.
+        """Correct the prediction on the arclength row.
 
         Beyond the end of the range the parameter is fixed to that end instead.  Repeated with more
         time steps when the cycle asks for them.
         """
         problem, ranges = self.problem, (self.options.range,)
         row = self._metric(state.start).row(state.tangent)
-        guess = state.unknowns.plus(state.tangent, state.step)
+        # each point has a phase condition of its own if the period is unknown: no cubic through two of them
+        free = problem.period_map.autonomous
+        length = 0.0 if free else state.arclength - state.previous_arclength
+        guess = extrapolated(state.previous, (state.unknowns, state.tangent), length, state.step)
         constraint = Constraint(row, row.dot(state.unknowns) + state.step)
         passed = bound_passed((guess.parameter,), ranges)
         if passed is None:
@@ -264,7 +281,7 @@ class _Branch(Tracer[BranchState, _Step]):
             correction = correct(problem, guess, constraint, state.basis, steps, reference)
         if correction.cycle is None:
             return correction, _NO_STEPS
-        required = required_steps(problem, correction.cycle)
+        required = required_steps(problem, correction.cycle, told_error(state))
         if required.steps <= steps:
             return correction, required
         steps = problem.period_map.rounded_steps(STEP_GROWTH * required.steps)

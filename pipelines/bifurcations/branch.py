@@ -82,8 +82,8 @@ class BranchState(ResumableState):
     A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``,
     ``start_state`` (N,), ``basis`` (N, k), ``multipliers`` (m,) complex; ``index`` counts the recorded points
     from zero; ``step`` is the next arclength step; ``steps`` are per period and leave ``step_error`` in the
-    multipliers; ``previous_*`` is the point before, without multipliers at the first one; ``start_*`` is the
-    first point, for closed curves.
+    multipliers; ``previous_*`` is the point before, at the first one that itself, without multipliers;
+    ``start_*`` is the first point, for closed curves.
     """
 
     index: int
@@ -99,6 +99,12 @@ class BranchState(ResumableState):
     step_error: float
     basis: Matrix
     multipliers: Complex
+    previous_state: Vector
+    previous_period: float
+    previous_parameter: float
+    previous_tangent_state: Vector
+    previous_tangent_period: float
+    previous_tangent_parameter: float
     previous_multipliers: Complex
     previous_arclength: float
     start_state: Vector
@@ -112,6 +118,16 @@ class BranchState(ResumableState):
     @property
     def tangent(self) -> Unknowns:
         return Unknowns(self.tangent_state, self.tangent_period, self.tangent_parameter)
+
+    @property
+    def previous(self) -> tuple[Unknowns, Unknowns]:
+        """The point before, with its tangent."""
+        return (
+            Unknowns(self.previous_state, self.previous_period, self.previous_parameter),
+            Unknowns(
+                self.previous_tangent_state, self.previous_tangent_period, self.previous_tangent_parameter
+            ),
+        )
 
     @property
     def start(self) -> Unknowns:

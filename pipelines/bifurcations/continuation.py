@@ -17,11 +17,13 @@ from typing import Any, Generic, Protocol, Self, TypeVar, cast
 import numpy as np
 
 from pipelines.orbits.system import Vector, size_of
+from pipelines.orbits.time_steps import RequiredSteps
 from pipelines.orbits.vectors import Metric, Point
 
 STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they rarely grow again
 _CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
 _LONGEST = 0.1  # relative change of the period in a step of the maximum length, at most
+_TOLD = 5  # points after which the error of the time steps is found anew
 _SAME = 0.01  # distance within which two points are one, in units of the step: far above corrector errors
 
 
@@ -77,6 +79,22 @@ def hermite_slopes(fraction: float, length: float) -> tuple[float, float, float,
     return ((6 * t**2 - 6 * t) / length, 3 * t**2 - 4 * t + 1, (6 * t - 6 * t**2) / length, 3 * t**2 - 2 * t)
 
 
+def extrapolated(
+    previous: tuple[Point, Point], newest: tuple[Point, Point], length: float, step: float
+) -> Point:
+    """The prediction a ``step`` beyond the newest point: the cubic through it and the previous one goes on.
+
+    Both come with their unit tangents and are ``length`` apart; where that is zero the tangent goes on.
+    """
+    if not length > 0.0:
+        return newest[0].plus(newest[1], step)
+    first, *weights = hermite_weights(1.0 + step / length, length)
+    guess = previous[0].scaled(first)
+    for part, weight in zip((previous[1], *newest), weights, strict=True):
+        guess = guess.plus(part, weight)
+    return guess
+
+
 def adapted_length(step: float, iterations: int, options: Any) -> float:
     """The next step length: longer if the corrector needed less than ``target_iterations``, else shorter."""
     factor = 2.0 ** ((options.target_iterations - iterations) / 2.0)
@@ -89,6 +107,11 @@ def one_history(
     """The second correction with the histories of both, so that the step length follows the whole effort."""
     both = {name: getattr(first, name) + getattr(second, name) for name in names}
     return replace(second, **both)  # type: ignore[type-var]
+
+
+def told_error(state: Any) -> RequiredSteps | None:
+    """What a point tells the next one of the error of its time steps; nothing at every fifth point."""
+    return None if (state.index + 1) % _TOLD == 0 else RequiredSteps(state.steps, state.step_error)
 
 
 State = TypeVar("State", bound="ResumableState")

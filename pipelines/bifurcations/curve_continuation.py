@@ -9,8 +9,9 @@ tangent t at distance h when, with the test function g of ``pipelines.bifurcatio
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from pipelines.bifurcations.continuation import (
     leaves_ranges,
     one_history,
     returned,
+    told_error,
 )
 from pipelines.bifurcations.critical.correction import CurveConstraint, CurveCorrection
 from pipelines.bifurcations.critical.corrector import correct_critical
@@ -50,13 +52,14 @@ from pipelines.bifurcations.curves.segment import (
     SegmentPoints,
     curve_end,
     locate_special,
+    with_normal_form,
 )
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
 from pipelines.orbits.period_map import PhaseReference
-from pipelines.orbits.shooting import reference_of
+from pipelines.orbits.shooting import NewtonStop, reference_of
 from pipelines.orbits.system import Vector
 from pipelines.orbits.time_steps import next_steps
 
@@ -64,6 +67,7 @@ from pipelines.orbits.time_steps import next_steps
 # too large, else the next one has more steps.
 _REPEATED = 3.0
 _MISSED = 0.25  # share of the defect of a step by which the cubic may miss the curve, also beside a kink
+_STUCK = 0.25  # of a step in which the test function does not get smaller
 _RECENT = 10  # points that a curve may be near to because it has just left them
 _STARTED = 5e-3  # share of its change in a step within which a test at the first point is zero there
 
@@ -205,6 +209,7 @@ class _Curve(Tracer[CurveState, _Step]):
         message = refusal(metric, state.tangent, segment.chord, segment.end.tangent, rule, segment.missed_at)
         if message is not None:
             return Rejected(message)
+        segment = replace(segment, end=with_normal_form(segment.end, metric, options.normal_form))
         return _with_specials(segment, state, options, accept_anyway=self.is_shortest(state))
 
 
@@ -226,12 +231,32 @@ def _along(
         (begin, state.tangent_parameters),
     )
     for name, curve in traced.items():
-        if all(
-            curve.runs_along(place, tangent, options.parameter_scales, same_sense)
-            for place, tangent in places
-        ):
+        if _runs_along(places, curve, options.parameter_scales, same_sense):
             return name
     return None
+
+
+def _runs_along(
+    places: Iterable[tuple[CurveStart, Vector]],
+    curve: KnownCurve,
+    scales: tuple[float, float],
+    same_sense: bool = False,
+) -> bool:
+    return all(curve.runs_along(place, tangent, scales, same_sense) for place, tangent in places)
+
+
+def would_end_on(recorded: KnownCurve, traced: Iterable[KnownCurve], scales: tuple[float, float]) -> bool:
+    """Whether a curve that was recorded without knowledge of other ones has a step along one of them.
+
+    With these among its ``traced`` curves, `continue_curve` would have ended before that step.
+    """
+    parts = zip(recorded.states, recorded.parameters, recorded.angles, recorded.tangents, strict=True)
+    places = [
+        (CurveStart(state, (float(first), float(second)), angle=float(angle)), tangent)
+        for state, (first, second), angle, tangent in parts
+    ]
+    steps = [(end, begin) for begin, end in pairwise(places)]
+    return any(_runs_along(step, curve, scales) for curve in traced for step in steps)
 
 
 def _place(position: Position, angle: float) -> CurveStart:
@@ -268,11 +293,14 @@ def _predict_and_correct(
             break
         found = correct_critical(problem, guess, constraint, basis, bordering, steps, reference)
         if found.point is None:
-            return Rejected(found.advice)
+            return Rejected(found.advice, factor=_STUCK if found.stop is NewtonStop.STUCK else 0.5)
         guess = found.point.position
     if found is None or found.point is None or bound_passed(guess.parameters, options.ranges) is not None:
         return Rejected("the corrector leaves the ranges of the parameters")
-    required, newton_iterations = required_steps_of(problem, found.point), found.iterations
+    required, newton_iterations = (
+        required_steps_of(problem, found.point, told_error(state)),
+        found.iterations,
+    )
     enough = required.error <= _REPEATED * problem.options.step_tolerance
     if not enough and required.steps > steps:
         steps = problem.period_map.rounded_steps(STEP_GROWTH * required.steps)
@@ -361,7 +389,12 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
     twice = _passed_twice(points, state, before, after, options.normal_form)
     seen = {bracket.special for bracket in twice}
     once = [
-        Bracket(special, (0.0, 1.0), (float(before[special - 1]), float(after[special - 1])))
+        Bracket(
+            special,
+            (0.0, 1.0),
+            (float(before[special - 1]), float(after[special - 1])),
+            slopes=_resonance_slopes(segment, special, state),
+        )
         for special in crossed(before, after)
         if special not in seen
     ]
@@ -373,6 +406,24 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
         for special in (SpecialKind.R1, SpecialKind.R2)
     )
     return twice + once + [dip for dip in dips if dip is not None]
+
+
+def _resonance_slopes(
+    segment: CurveSegment, special: SpecialKind, state: CurveState
+) -> tuple[float, float] | None:
+    """Derivatives by the fraction of the test of a resonance at both ends; None for other special points."""
+    if segment.problem.kind is not EventKind.NEIMARK_SACKER or special > SpecialKind.R4:
+        return None
+    sign, chord = -1.0 if special is SpecialKind.R1 else 1.0, segment.chord
+    # an arclength ds along t is a fraction <t, chord> ds / <chord, chord>
+    before, after = (
+        sign * slope * segment.length**2 / segment.metric.inner(tangent, chord)
+        for slope, tangent in (
+            (state.cos_theta_slope, segment.start_tangent),
+            (segment.end.cos_theta_slope, segment.end.tangent),
+        )
+    )
+    return before, after
 
 
 def _passed_twice(

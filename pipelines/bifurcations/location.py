@@ -12,7 +12,6 @@ from enum import Enum
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pipelines.bifurcations.cycles.branch_points import cycle_at_branch_point
 from pipelines.bifurcations.cycles.crossing_cycles import own_doubling, own_pitchfork
@@ -26,6 +25,7 @@ from pipelines.bifurcations.detection import (
     evaluate_tests,
     strong_resonance,
 )
+from pipelines.bifurcations.roots import Node, zero
 from pipelines.orbits.floquet import Complex, nontrivial
 from pipelines.orbits.shooting import Cycle, Unknowns, tangent_at
 
@@ -160,14 +160,12 @@ class _NotConvergedError(Exception):
 
 def _root(segment: Segment, kind: EventKind, cycle_at: Callable[[float], Cycle], width: float) -> float:
     """Zero of the test function in (0, 1); the known end values are not recomputed."""
-    known = {
-        0.0: _end_value(segment, kind, segment.start_multipliers, segment.start_tangent),
-        1.0: _end_value(segment, kind, segment.end.spectrum.multipliers, segment.end_tangent),
-    }
+    ends = (
+        Node(0.0, _end_value(segment, kind, segment.start_multipliers, segment.start_tangent)),
+        Node(1.0, _end_value(segment, kind, segment.end.spectrum.multipliers, segment.end_tangent)),
+    )
 
     def psi(fraction: float) -> float:
-        if fraction in known:
-            return known[fraction]
         cycle = cycle_at(fraction)
         if kind is not EventKind.FOLD:
             return _test_value(kind, cycle.spectrum.multipliers, segment.problem.period_map.autonomous)
@@ -176,7 +174,7 @@ def _root(segment: Segment, kind: EventKind, cycle_at: Callable[[float], Cycle],
             raise _NotConvergedError
         return tangent.parameter
 
-    return float(brentq(psi, 0.0, 1.0, xtol=max(width, 1e-14), rtol=4.0 * np.finfo(float).eps))
+    return zero(psi, *ends, max(width, 1e-14))
 
 
 def _end_value(segment: Segment, kind: EventKind, multipliers: Complex, tangent: Unknowns) -> float:

@@ -14,7 +14,8 @@ from pipelines.orbits.shooting import CycleProblem, ShootingOptions, Unknowns
 from pipelines.orbits.system import Matrix, Vector
 from pipelines.orbits.vectors import Combination, Metric
 
-_SHIFT = 2e-5  # central difference of M, in units of the largest entry on the orbit: h^2 against eps/h
+_SHIFT = 1e-6  # difference of M, in units of the largest entry on the orbit: h against eps/h
+_CENTRAL_SHIFT = 2e-5  # of a central one: h^2 against eps/h
 
 
 class CurveFormulation(StrEnum):
@@ -175,6 +176,7 @@ class MapAt:
 
 def map_slopes(
     at: MapAt,
+    image: PeriodImage,
     columns: Matrix,
     weights: Vector | None,
     directions: tuple[Position, ...],
@@ -183,20 +185,27 @@ def map_slopes(
 ) -> tuple[Matrix, Matrix]:
     """Derivatives of M ``columns`` (N, m) along each direction, (N, m directions), and of the phase row.
 
-    ``scale``: the largest entry on the orbit.
-    ``weights`` (m,) adds weights_j phi_T to column j: the null vectors of a cycle of unknown period.
-    One pair of passes per direction: (M(u + h d) - M(u - h d)) columns / 2h, without a column for the rest.
+    ``image``: a pass at the position, with phi_T last if the period is unknown; ``scale``: the largest entry
+    on the orbit.  ``weights`` (m,) adds weights_j phi_T to column j: the null vectors of a cycle of unknown
+    period.  One pass per direction: (M(u + h d) - M(u)) columns / h, without a column for the rest.  Where
+    the period is unknown two, (M(u + h d) - M(u - h d)) columns / 2h: the phase along the cycle amplifies
+    rounding.
     """
+    central = at.problem.period_map.autonomous
+    if not central:  # a pass that would make factors here holds those of two orbits
+        known = image.factors is not None
+        image = at.with_columns(image, columns) if known else at.tangent(columns, weights is not None)
     parts, phases = [], []
     for direction in directions:
-        distance = _SHIFT * scale / metric.largest(direction)
-        sides = [
-            at.beside(direction, side * distance).tangent(columns, weights is not None)
-            for side in (1.0, -1.0)
-        ]
-        images = [_weighted(image, weights) for image in sides]
-        parts.append((images[0][0] - images[1][0]) / (2.0 * distance))
-        phases.append((images[0][1] - images[1][1]) / (2.0 * distance))
+        distance = (_CENTRAL_SHIFT if central else _SHIFT) * scale / metric.largest(direction)
+        ahead, behind = (
+            at.beside(direction, side * distance).tangent(columns, weights is not None) if side else image
+            for side in ((1.0, -1.0) if central else (1.0, 0.0))
+        )
+        (there, row), (here, other) = _weighted(ahead, weights), _weighted(behind, weights)
+        width = 2.0 * distance if central else distance
+        parts.append((there - here) / width)
+        phases.append((row - other) / width)
     return np.hstack(parts), np.concatenate(phases)
 
 

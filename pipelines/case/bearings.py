@@ -119,7 +119,9 @@ class Foil(Table):
     @field_validator("loss_factor")
     @classmethod
     def _damped(cls, value: float | None, info: ValidationInfo) -> float | None:
-        if value is None and info.data.get("rigid") is False:
+        # without any stiffness, "rigid" is refused and not among the data: both are missing
+        unspecified = "rigid" not in info.data and given(info, FOIL_STIFFNESS[:-1]) == []
+        if value is None and (info.data.get("rigid") is False or unspecified):
             raise InconsistentError("is missing: the foil's rate is (p - k q)/c and c = eta k cannot be zero")
         return value
 

@@ -10,9 +10,16 @@ from __future__ import annotations
 import math
 import types
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    model_serializer,
+)
 from pydantic.fields import FieldInfo
 
 Path = tuple[str | int, ...]
@@ -57,6 +64,24 @@ class Table(BaseModel):
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True, str_max_length=200
     )
+
+
+class GrownTable(Table):
+    """A table whose keys of later versions are written only where they differ from their defaults.
+
+    Without them the resolved configuration of a case, and with it its hash, stays that of earlier versions.
+    """
+
+    later_keys: ClassVar[frozenset[str]] = frozenset()
+
+    @model_serializer(mode="wrap")
+    def _without_unused_keys(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        fields = type(self).model_fields
+        return {
+            key: value
+            for key, value in write(self).items()
+            if key not in self.later_keys or value != fields[key].default
+        }
 
 
 class InconsistentError(ValueError):

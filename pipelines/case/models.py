@@ -21,7 +21,15 @@ from pipelines.case.problems import CaseError, Places, problems_of
 from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Master, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
-from pipelines.case.settings import ContinueCycles, Criticals, Linearize, Numerics, Operation
+from pipelines.case.settings import (
+    ContinueCycles,
+    Criticals,
+    Linearize,
+    Numerics,
+    Operation,
+    UnbalanceResponse,
+)
+from pipelines.case.survey_settings import Survey
 from pipelines.case.sweeps import assign
 from pipelines.case.torus_settings import ContinueTori
 from pipelines.case.transient_settings import Transient, Unbalance, unbalance_on_shaft
@@ -51,9 +59,11 @@ __all__ = [
     "Ring",
     "Rotor",
     "Support",
+    "Survey",
     "TrackCurves",
     "Transient",
     "Unbalance",
+    "UnbalanceResponse",
 ]
 
 MAXIMUM_UNKNOWNS = 20_000
@@ -86,12 +96,14 @@ class Case(Table):
     numerics: Numerics = table("grid, schemes, tolerances", Numerics())
     linearize: Linearize = table("stage `agfb linearize`", Linearize())
     criticals: Criticals = table("stage `agfb criticals`", Criticals())
+    unbalance_response: UnbalanceResponse = table("stage `agfb unbalance-response`", UnbalanceResponse())
     continue_cycles: ContinueCycles = table("stage `agfb continue-cycles`", ContinueCycles())
     track_curves: TrackCurves = table("stages `agfb track-pd`, `track-ns`, `track-folds`", TrackCurves())
     bifurcation_set: BifurcationSet = table("search of `agfb run` for the whole set", BifurcationSet())
+    survey: Survey = table("stage `agfb survey`", Survey())
     refine: Refine = table("stage of the option `--refine`", Refine())
     unbalance: Unbalance | None = table(
-        "the rotor's unbalance, for `agfb transient` and `agfb continue-tori`", None
+        "the rotor's unbalance, for `agfb unbalance-response`, `transient` and `continue-tori`", None
     )
     transient: Transient = table("stage `agfb transient`", Transient())
     continue_tori: ContinueTori = table("stage `agfb continue-tori`", ContinueTori())

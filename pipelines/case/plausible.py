@@ -64,12 +64,18 @@ def _values(case: Case, table: str) -> Iterator[_Value]:
         yield _Value((table, "speed_range"), SPEED, case.linearize.speed_range)
     elif table == "criticals":
         yield _Value((table, "speed_range"), SPEED, case.criticals.speed_range)
+    elif table == "unbalance_response":
+        yield _Value((table, "speed_range"), SPEED, case.unbalance_response.speed_range)
     elif table in ("continue_cycles", "continue_tori"):
         branch = getattr(case, table)
         yield _Value((table, "range"), branch.parameter, branch.range)
         yield _Value((table, "start"), branch.parameter, [branch.start])
     elif table == "track_curves":
         plane = zip(case.track_curves.parameters, case.track_curves.ranges, strict=True)
+        for index, (parameter, interval) in enumerate(plane):
+            yield _Value((table, "ranges", index), parameter, interval)
+    elif table == "survey" and case.survey.ranges is not None:
+        plane = zip(case.track_curves.parameters, case.survey.ranges, strict=True)
         for index, (parameter, interval) in enumerate(plane):
             yield _Value((table, "ranges", index), parameter, interval)
     elif table == "unbalance" and case.unbalance is not None:

@@ -15,6 +15,7 @@ from pipelines.case.fields import Path
 from pipelines.case.locating import key_lines
 from pipelines.case.models import Case, Rotor, misplaced_journals
 from pipelines.case.problems import CaseError, Places, Problem, problems_of, shown, value_at
+from pipelines.case.sampling import NAME, Sampled, sample_sweep
 from pipelines.case.stage_checks import STAGE_TABLES, machine_inconsistencies, stage_inconsistencies
 from pipelines.case.sweeps import (
     Document,
@@ -29,7 +30,7 @@ from pipelines.case.sweeps import (
     sweep_of,
 )
 
-__all__ = ["CaseError", "NamedCase", "Problem", "read_cases", "stage_problems"]
+__all__ = ["CaseError", "NamedCase", "Problem", "parse_toml", "read_cases", "stage_problems"]
 
 _NOWHERE = Places("", {})
 
@@ -67,24 +68,26 @@ def read_cases(
     """Read a configuration from its TOML text.
 
     `name` is the name of the file in messages; `overrides` are assignments `key=value` that replace what the
-    file says (a key without index of an array of tables means every table).  Lists in [sweep] expand to one
-    case per combination.  An override of a swept key replaces its list, or ends the sweep of that key if it
-    is a single value; a key that was swept together with others leaves them.
+    file says (a key without index of an array of tables means every table).  Lists in [sweep] and the
+    machines of [sample] expand to one case per combination.  An override of a swept key replaces its list, or
+    ends the sweep of that key if it is a single value; a key that was swept or sampled together with others
+    leaves them.
 
     `stages` are those whose `stage_problems` count; by default all whose table is written down.
 
     Raises CaseError with all problems.
     """
-    document = _parse(text, name)
+    document = parse_toml(text, name)
     places = Places(name, key_lines(text))
     problems: list[Problem] = []
     sweeps = _sweeps(document, places, problems)
     inherit_bearing(document)
-    sweeps = _override(document, sweeps, overrides, places, problems)
+    sweeps, fixed = _override(document, sweeps, overrides, places, problems)
+    sweeps += _sample(document, fixed, places, problems)
     try:
         named = list(combinations(sweeps))
     except MisplacedError as error:
-        problems.append(_problem(places, ("sweep",), str(error)))
+        problems.append(_problem(places, sweeps[-1].source[:1], str(error)))
         named = []
     cases = [
         case
@@ -96,7 +99,8 @@ def read_cases(
     return tuple(cases)
 
 
-def _parse(text: str, name: str) -> Document:
+def parse_toml(text: str, name: str) -> Document:
+    """The document of a TOML text; raises CaseError with the line for other text."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -125,8 +129,9 @@ def _sweeps(document: Document, places: Places, problems: list[Problem]) -> list
 
 def _override(
     document: Document, sweeps: list[Sweep], overrides: Sequence[str], places: Places, problems: list[Problem]
-) -> list[Sweep]:
-    """Apply the overrides; returns the remaining sweeps."""
+) -> tuple[list[Sweep], set[str]]:
+    """Apply the overrides; returns the remaining sweeps, and the keys that have one value now."""
+    fixed: set[str] = set()
     for text in overrides:
         source = f"--set {text}"
         try:
@@ -139,11 +144,28 @@ def _override(
                 sweeps = _replaced(sweeps, new)
                 continue
             sweeps = _without(sweeps, keys)
+            fixed.add(name)
             for path in assign(document, name, value):
                 places.origins[path] = (source, None)
         except MisplacedError as error:
             problems.append(Problem("--set", None, text, "", str(error)))
-    return sweeps
+    return sweeps, fixed
+
+
+def _sample(
+    document: Document, fixed: Collection[str], places: Places, problems: list[Problem]
+) -> list[Sweep]:
+    """The sweep that the table [sample] asks for, if there is one."""
+    if NAME not in document:
+        return []
+    try:
+        sample = Sampled.model_validate({NAME: document.pop(NAME)}).sample
+    except ValidationError as error:
+        problems.extend(problems_of(error, Sampled, places))
+        return []
+    sweep, wrong = sample_sweep(sample, document, fixed)
+    problems.extend(_problem(places, *misfit) for misfit in wrong)
+    return [] if sweep is None else [sweep]
 
 
 def _swept(keys: Sequence[str], values: Any) -> Sweep:
@@ -187,7 +209,7 @@ def _case(
                     own_places.origins[path] = place
             except MisplacedError as error:
                 values = [each[sweep.keys.index(key)] for each in sweep.rows]
-                problems.append(Problem(*place, f"sweep.{key}", shown(values), str(error)))
+                problems.append(Problem(*place, f"{sweep.source[0]}.{key}", shown(values), str(error)))
                 misplaced = True
     try:
         case = Case.model_validate(own)

@@ -10,6 +10,7 @@ from pydantic.fields import FieldInfo
 
 from pipelines.case.fields import Table, bounds_of, extra_of, holds_values, inner_types, keys_of, model_of
 from pipelines.case.models import Case
+from pipelines.case.sampling import NAME, Sample, Sampled
 
 _TYPE_NAMES = {float: "number", int: "integer", bool: "true/false", str: "string"}
 _INTRODUCTION = """\
@@ -19,12 +20,13 @@ A case is a TOML file of the tables below, in SI units; keys of unit 1 are dimen
 set on the command line, as in `--set bearings.foil.stiffness=3` (both bearings) or
 `--set bearings.1.clearance=2e-5` (the second one). A table `[sweep]` with lists, such as
 `bearings.foil.stiffness = [3, 10]`, makes one case of every combination. Keys that vary together share a line
-of lists: `"bearings.foil.stiffness, excitation.frequency" = [[3, 0.63], [10, 0.70]]`.
+of lists: `"bearings.foil.stiffness, excitation.frequency" = [[3, 0.63], [10, 0.70]]`. A table `[sample]`, at
+the end of this page, draws machines from ranges of keys.
 """
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON schema (draft 2020-12) of a configuration file, the [sweep] table included."""
+    """JSON schema (draft 2020-12) of a configuration file, the tables [sweep] and [sample] included."""
     schema = Case.model_json_schema()
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     # The second bearing inherits what it leaves out, which a schema cannot say.
@@ -34,12 +36,14 @@ def json_schema() -> dict[str, Any]:
         "description": "lists of values by dotted key, lists of lists by several keys with commas between "
         "them; every combination is a case",
     }
+    schema["properties"][NAME] = Sample.model_json_schema()
     return schema
 
 
 def reference_markdown() -> str:
     """The reference in Markdown: one section per table with key, type, meaning, unit, default and bounds."""
-    return "\n".join([_INTRODUCTION, *_section(Case, "", "")])
+    sample = _section(Sample, f"[{NAME}]", f"{NAME}.")
+    return "\n".join([_INTRODUCTION, *_section(Case, "", ""), *sample])
 
 
 def settable_keys() -> dict[str, tuple[str, ...]]:
@@ -47,7 +51,8 @@ def settable_keys() -> dict[str, tuple[str, ...]]:
 
     Keys with a free name are left out.
     """
-    keys = {name: field for name, field in keys_of(Case) if ".NAME" not in name}
+    declared = (*keys_of(Case), *keys_of(Sampled))
+    keys = {name: field for name, field in declared if ".NAME" not in name}
     settable = {name: _examples(field) for name, field in keys.items() if holds_values(field.annotation)}
     # what may be a plain value has no keys of its own
     return {name: words for name, words in settable.items() if name.rpartition(".")[0] not in settable}

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, PlainSerializer, PlainValidator, TypeAdapter, ValidationInfo, field_validator
 
 from pipelines.case.fields import (
     SECOND_ELASTIC_CONSTANT,
+    GrownTable,
     Inconsistency,
     InconsistentError,
     Table,
@@ -74,8 +77,12 @@ class Material(Table):
 STEEL = Material(young_modulus=206e9, density=7850.0, poisson_ratio=0.3)
 
 
-class Element(Table):
-    """`count` equal consecutive cylindrical beam elements; node numbers run from 0 along the rotor."""
+class Element(GrownTable):
+    """`count` consecutive beam elements of equal length: a cylinder, or a cone divided into them."""
+
+    later_keys: ClassVar[frozenset[str]] = frozenset(
+        {"outer_diameter_right", "inner_diameter_right", "axial_force"}
+    )
 
     length: float = quantity(
         "length of one element",
@@ -85,60 +92,236 @@ class Element(Table):
         because="an element without length has no stiffness",
     )
     outer_diameter: float = quantity(
-        "outer diameter", "m", at_least=1e-6, at_most=100, because="the section must have material"
+        "outer diameter; of a cone at its left end",
+        "m",
+        at_least=1e-6,
+        at_most=100,
+        because="the section must have material",
+    )
+    outer_diameter_right: float | None = quantity(
+        "outer diameter at the right end of the last of the `count` elements, which makes them one cone; "
+        "default: outer_diameter",
+        "m",
+        None,
+        at_least=1e-6,
+        at_most=100,
+        because="the section must have material",
     )
     inner_diameter: float = quantity(
-        "inner diameter, 0 for a solid shaft", "m", 0.0, at_least=0, because="0 is a solid shaft"
+        "inner diameter, 0 for a solid shaft; of a conical bore at its left end",
+        "m",
+        0.0,
+        at_least=0,
+        because="0 is a solid shaft",
+    )
+    inner_diameter_right: float | None = quantity(
+        "inner diameter at the right end of the last of the `count` elements; default: inner_diameter",
+        "m",
+        None,
+        at_least=0,
+        because="0 is a solid shaft",
     )
     material: str = quantity("name of a table of [rotor.materials]", "", "steel")
     count: int = quantity(
-        "number of equal elements in a row",
+        "number of elements in a row",
         "",
         1,
         at_least=1,
         at_most=MAXIMUM_ELEMENTS,
         because=f"a rotor has 1 to {MAXIMUM_ELEMENTS} elements",
     )
+    axial_force: float = quantity(
+        "constant axial force in these elements, positive for tension, which stiffens them",
+        "N",
+        0.0,
+        at_least=-1e9,
+        at_most=1e9,
+        because="a force in N",
+    )
 
     @field_validator("inner_diameter")
     @classmethod
     def _wall(cls, value: float, info: ValidationInfo) -> float:
-        outer = info.data.get("outer_diameter")
-        if outer is not None and value >= outer:
-            raise InconsistentError(
-                f"must be smaller than outer_diameter = {outer:g} m: the wall has no thickness otherwise"
-            )
+        _require_wall(value, "outer_diameter", info.data.get("outer_diameter"))
         return value
 
+    @field_validator("inner_diameter_right")
+    @classmethod
+    def _right_wall(cls, value: float | None, info: ValidationInfo) -> float | None:
+        data = info.data
+        if {"outer_diameter", "outer_diameter_right", "inner_diameter"} <= data.keys():
+            name = "outer_diameter" if data["outer_diameter_right"] is None else "outer_diameter_right"
+            _require_wall(data["inner_diameter"] if value is None else value, name, data[name])
+        return value
 
-class Disc(Table):
-    """A rigid disc at a node."""
+    @property
+    def right_diameters(self) -> tuple[float, float]:
+        """Outer and inner diameter at the right end [m]."""
+        outer, inner = self.outer_diameter_right, self.inner_diameter_right
+        return (
+            self.outer_diameter if outer is None else outer,
+            self.inner_diameter if inner is None else inner,
+        )
+
+    @property
+    def is_cone(self) -> bool:
+        """Whether a diameter changes along the elements."""
+        return self.right_diameters != (self.outer_diameter, self.inner_diameter)
+
+    @property
+    def volume(self) -> float:
+        """Volume of all `count` elements [m3]."""
+        outer, inner = self.right_diameters
+        square = self.outer_diameter**2 + self.outer_diameter * outer + outer**2
+        square -= self.inner_diameter**2 + self.inner_diameter * inner + inner**2
+        return math.pi / 12 * square * self.length * self.count
+
+    def divided(self) -> tuple[Element, ...]:
+        """The `count` elements one by one, from left to right."""
+        if not self.is_cone:
+            return (self.model_copy(update={"count": 1}),) * self.count
+        ends = zip((self.outer_diameter, self.inner_diameter), self.right_diameters, strict=True)
+        outer, inner = (
+            [left + (right - left) * place / self.count for place in range(self.count)] + [right]
+            for left, right in ends
+        )
+        return tuple(
+            self.model_copy(
+                update={
+                    "count": 1,
+                    "outer_diameter": outer[place],
+                    "outer_diameter_right": outer[place + 1],
+                    "inner_diameter": inner[place],
+                    "inner_diameter_right": inner[place + 1],
+                }
+            )
+            for place in range(self.count)
+        )
+
+
+def _require_wall(inner: float, name: str, outer: float | None) -> None:
+    """Refuse an inner diameter that leaves no wall below the outer diameter of that name."""
+    if outer is not None and inner >= outer:
+        raise InconsistentError(
+            f"must be smaller than {name} = {outer:g} m: the wall has no thickness otherwise"
+        )
+
+
+@dataclass(frozen=True)
+class DiscInertia:
+    """Mass [kg] of a rigid disc, and its moments of inertia about a diameter and the rotor axis [kg m2]."""
+
+    mass: float
+    diametral: float
+    polar: float
+
+
+class Disc(GrownTable):
+    """A rigid disc at a node (wheel, collar, coupling): mass and inertias, or dimensions and material."""
+
+    later_keys: ClassVar[frozenset[str]] = frozenset(
+        {"outer_diameter", "inner_diameter", "width", "material"}
+    )
 
     node: int = quantity("node of the disc", "", at_least=0, because="nodes are numbered from 0")
-    mass: float = quantity(
-        "mass", "kg", at_least=0, at_most=MAXIMUM_MASS, because="mass cannot be negative and is in kg"
+    outer_diameter: float | None = quantity(
+        "outer diameter, with width instead of mass and inertias",
+        "m",
+        None,
+        at_least=1e-6,
+        at_most=100,
+        because="a disc has a diameter",
     )
-    diametral_inertia: float = quantity(
+    inner_diameter: float = quantity(
+        "diameter of the bore, where the shaft goes through", "m", 0.0, at_least=0, because="0 is no bore"
+    )
+    width: float | None = quantity(
+        "width along the rotor axis",
+        "m",
+        None,
+        at_least=1e-6,
+        at_most=100,
+        because="a disc without width has no mass",
+    )
+    material: str = quantity("name of a table of [rotor.materials]; with the dimensions", "", "steel")
+    mass: float | None = quantity(
+        "mass", "kg", None, at_least=0, at_most=MAXIMUM_MASS, because="mass cannot be negative and is in kg"
+    )
+    diametral_inertia: float | None = quantity(
         "moment of inertia about a diameter",
         "kg m2",
+        None,
         at_least=0,
         at_most=1e9,
         because="inertia cannot be negative and is in kg m2",
     )
-    polar_inertia: float = quantity(
-        "moment of inertia about the rotor axis", "kg m2", at_least=0, because="inertia cannot be negative"
+    polar_inertia: float | None = quantity(
+        "moment of inertia about the rotor axis",
+        "kg m2",
+        None,
+        at_least=0,
+        because="inertia cannot be negative",
     )
+
+    @field_validator("inner_diameter")
+    @classmethod
+    def _ring(cls, value: float, info: ValidationInfo) -> float:
+        _require_wall(value, "outer_diameter", info.data.get("outer_diameter"))
+        return value
+
+    @field_validator("width")
+    @classmethod
+    def _both_dimensions(cls, value: float | None, info: ValidationInfo) -> float | None:
+        if "outer_diameter" in info.data and (value is None) != (info.data["outer_diameter"] is None):
+            raise InconsistentError("belongs to outer_diameter: give both of them, or mass and inertias")
+        return value
+
+    @field_validator("mass", "diametral_inertia", "polar_inertia")
+    @classmethod
+    def _one_way(cls, value: float | None, info: ValidationInfo) -> float | None:
+        dimensions = [info.data.get(key) for key in ("outer_diameter", "width")]
+        if not {"outer_diameter", "width", "inner_diameter"} <= info.data.keys():
+            return value
+        if dimensions == [None, None] and value is None:
+            unit = "kg" if info.field_name == "mass" else "kg m2"
+            name = str(info.field_name).replace("_", " ")
+            raise InconsistentError(f"is missing: {name} [{unit}]; or give outer_diameter and width instead")
+        if value is not None and dimensions != [None, None]:
+            raise InconsistentError("follows from outer_diameter, width and material: give one or the other")
+        if value is not None and info.data["inner_diameter"] > 0:
+            raise InconsistentError("is given: inner_diameter belongs to outer_diameter and width")
+        return value
 
     @field_validator("polar_inertia")
     @classmethod
-    def _rigid_body(cls, value: float, info: ValidationInfo) -> float:
+    def _rigid_body(cls, value: float | None, info: ValidationInfo) -> float | None:
         diametral = info.data.get("diametral_inertia")
         # I_d = I_p/2 + (integral of z^2 dm); the margin admits values rounded to six digits.
-        if diametral is not None and value > 2 * diametral * (1 + 1e-5):
+        if diametral is not None and value is not None and value > 2 * diametral * (1 + 1e-5):
             raise InconsistentError(
                 f"must be at most 2 x diametral_inertia = {2 * diametral:g} kg m2: no rigid body has more"
             )
         return value
+
+    @property
+    def has_dimensions(self) -> bool:
+        """Whether it is given by dimensions and material."""
+        return self.outer_diameter is not None
+
+    def inertia(self, materials: Mapping[str, Material]) -> DiscInertia:
+        """Mass and moments of inertia, given or those of a ring of the material.
+
+        m = rho pi/4 (d_o^2 - d_i^2) w, I_p = m (d_o^2 + d_i^2)/8, I_d = I_p/2 + m w^2/12
+        """
+        if self.outer_diameter is None or self.width is None:
+            assert self.mass is not None
+            assert self.diametral_inertia is not None
+            assert self.polar_inertia is not None
+            return DiscInertia(self.mass, self.diametral_inertia, self.polar_inertia)
+        outer, inner = self.outer_diameter**2, self.inner_diameter**2
+        mass = materials[self.material].density * math.pi / 4 * (outer - inner) * self.width
+        polar = mass * (outer + inner) / 8
+        return DiscInertia(mass, 0.5 * polar + mass * self.width**2 / 12, polar)
 
 
 class Support(Table):
@@ -235,11 +418,7 @@ class Rotor(Table):
         if total > MAXIMUM_ELEMENTS:
             problems.append(f"make {total} elements; at most {MAXIMUM_ELEMENTS} are allowed")
         materials = info.data.get("materials")
-        for index, element in enumerate(elements):
-            if materials is not None and element.material not in materials:
-                problems.append(
-                    ((index, "material"), f"no such material; defined: {', '.join(sorted(materials))}")
-                )
+        problems += _unknown_materials(elements, materials) or _buckled(elements, materials)
         if problems:
             raise InconsistentError(*problems)
         if materials is not None and not 0 < (mass := _mass(materials, elements, ())) <= MAXIMUM_MASS:
@@ -248,6 +427,19 @@ class Rotor(Table):
                 "densities in kg/m3?"
             )
         return elements
+
+    @field_validator("discs")
+    @classmethod
+    def _discs(cls, discs: tuple[Disc, ...], info: ValidationInfo) -> tuple[Disc, ...]:
+        materials = info.data.get("materials")
+        if problems := _unknown_materials(discs, materials):
+            raise InconsistentError(*problems)
+        for index, disc in enumerate(discs):
+            if materials is not None and (mass := disc.inertia(materials).mass) > MAXIMUM_MASS:
+                raise InconsistentError(
+                    ((index, "width"), f"makes {mass:.3g} kg; at most {MAXIMUM_MASS:g} kg are allowed")
+                )
+        return discs
 
     @field_validator("discs", "supports")
     @classmethod
@@ -281,9 +473,7 @@ class Rotor(Table):
 
     def single_elements(self) -> tuple[Element, ...]:
         """One `Element` with count 1 per finite element, from left to right."""
-        return tuple(
-            element.model_copy(update={"count": 1}) for element in self.elements for _ in range(element.count)
-        )
+        return tuple(single for element in self.elements for single in element.divided())
 
     def node_positions(self) -> tuple[float, ...]:
         """Axial position of every node [m]; node 0 lies at 0."""
@@ -313,6 +503,11 @@ class Rotor(Table):
         return 1 + sum(element.count for element in self.elements)
 
     @property
+    def disc_inertias(self) -> tuple[DiscInertia, ...]:
+        """Mass and moments of inertia of every disc."""
+        return tuple(disc.inertia(self.materials) for disc in self.discs)
+
+    @property
     def mass(self) -> float:
         """Mass of shaft and discs [kg]."""
         return _mass(self.materials, self.elements, self.discs)
@@ -333,15 +528,38 @@ def off_shaft(node: int, last: int | None) -> str:
     return f"node {node} is not on the shaft, whose nodes are 0 to {last}"
 
 
-def _mass(materials: dict[str, Material], elements: tuple[Element, ...], discs: tuple[Disc, ...]) -> float:
-    """m = sum rho pi/4 (d_o^2 - d_i^2) l + discs."""
-    shaft = sum(
-        element.count
-        * element.length
-        * materials[element.material].density
-        * math.pi
-        / 4
-        * (element.outer_diameter**2 - element.inner_diameter**2)
-        for element in elements
-    )
-    return shaft + sum(disc.mass for disc in discs)
+def _unknown_materials(
+    parts: Sequence[Element | Disc], materials: Mapping[str, Material] | None
+) -> list[Inconsistency]:
+    """The parts whose material is not defined; none where the materials are themselves wrong."""
+    if materials is None:
+        return []
+    message = f"no such material; defined: {', '.join(sorted(materials))}"
+    return [
+        ((index, "material"), message)
+        for index, part in enumerate(parts)
+        if part.material not in materials and not (isinstance(part, Disc) and not part.has_dimensions)
+    ]
+
+
+def _buckled(elements: Sequence[Element], materials: Mapping[str, Material] | None) -> list[Inconsistency]:
+    """Elements that would buckle between their own nodes: P > pi^2 E I/l^2 of their thick end."""
+    if materials is None:
+        return []
+    problems: list[Inconsistency] = []
+    for index, element in enumerate(elements):
+        ends = ((element.outer_diameter, element.inner_diameter), element.right_diameters)
+        second_moment = max(math.pi / 64 * (outer**4 - inner**4) for outer, inner in ends)
+        modulus = materials[element.material].young_modulus
+        most = math.pi**2 * modulus * second_moment / element.length**2
+        if -element.axial_force > most:
+            problems.append(
+                ((index, "axial_force"), f"buckles the element itself: {most:.4g} N of compression at most")
+            )
+    return problems
+
+
+def _mass(materials: Mapping[str, Material], elements: tuple[Element, ...], discs: tuple[Disc, ...]) -> float:
+    """m = sum rho V of the elements + discs."""
+    shaft = sum(materials[element.material].density * element.volume for element in elements)
+    return shaft + sum(disc.inertia(materials).mass for disc in discs)

@@ -23,6 +23,7 @@ from pipelines.case.fields import (
     steps_in_order,
     table,
 )
+from pipelines.case.rotor import NodeNumber
 
 
 class Operation(Table):
@@ -65,8 +66,10 @@ class Numerics(Table):
         at_most=32,
         because="Chebyshev collocation converges with 2 to 4; stiffness grows like its fourth power",
     )
-    scheme: Literal["central", "backward"] = choice(
-        "circumferential convection: `central` second order, `backward` the paper's first order", "central"
+    scheme: Literal["central", "backward", "fourth_order"] = choice(
+        "differences along the circumference: `central` of second order, `fourth_order`, or the paper's "
+        "`backward` convection of first order",
+        "central",
     )
     axial_scheme: Literal["chebyshev", "uniform"] = choice(
         "`chebyshev` collocation or the paper's `uniform` differences", "chebyshev"
@@ -217,6 +220,36 @@ class Criticals(Table):
     @classmethod
     def _range(cls, value: tuple[float, float]) -> tuple[float, float]:
         return positive_range(value, "the film carries by rotation")
+
+
+class UnbalanceResponse(Table):
+    """Amplitude and phase of the linearised machine under [unbalance], over the speed."""
+
+    speed_range: tuple[Number, Number] = table("dimensionless speeds from, to", (0.1, 2.0), unit="1")
+    points: int = quantity(
+        "number of speeds, more are inserted where the response is curved; a failure if more than a tenth of "
+        "them has no equilibrium",
+        "",
+        61,
+        at_least=4,
+        at_most=100_000,
+        because="a peak is located on a cubic spline",
+    )
+    probes: tuple[NodeNumber, ...] = table(
+        "nodes whose motion is stored and drawn; the bearings' nodes if left out", (), max_length=100
+    )
+
+    @field_validator("speed_range")
+    @classmethod
+    def _range(cls, value: tuple[float, float]) -> tuple[float, float]:
+        return positive_range(value, "the film carries by rotation")
+
+    @field_validator("probes")
+    @classmethod
+    def _once(cls, value: tuple[int, ...]) -> tuple[int, ...]:
+        if len(set(value)) < len(value):
+            raise InconsistentError("must name each node once")
+        return value
 
 
 class ContinueCycles(Table):

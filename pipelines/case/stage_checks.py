@@ -13,6 +13,7 @@ from pipelines.case.calibrate_settings import calibration_inconsistencies
 from pipelines.case.fields import Inconsistency, Path
 from pipelines.case.models import Case
 from pipelines.case.plausible import implausible_values
+from pipelines.case.rotor import off_shaft
 from pipelines.case.scales import PARAMETERS
 from pipelines.case.torus_settings import torus_inconsistencies
 from pipelines.case.transient_settings import transient_inconsistencies
@@ -27,6 +28,13 @@ NO_EFFECT = "has no effect at displacement 0: nothing depends on the excitation 
 RESTING = (
     "the cycles are self-excited, and rings that move force their period upon them: give "
     'excitation.frequency, and continue_cycles.formulation = "stroboscopic"'
+)
+NO_UNBALANCE = (
+    "nothing excites the rotor: give [unbalance] with planes and moments, or a grade with its rated speed"
+)
+AT_REST = (
+    "the rings rest, and a survey seeks cycles that follow them: give excitation.displacement, or make it a "
+    "parameter of the plane"
 )
 CLOSED = "times the largest of excitation.amplitudes must stay below 1: the ring closes the film"
 
@@ -75,6 +83,21 @@ def _set(case: Case) -> Iterator[Inconsistency]:
         yield from _curves(case)
 
 
+def _survey(case: Case) -> Iterator[Inconsistency]:
+    parameters, own = case.track_curves.parameters, case.survey.ranges
+    at: Path = ("track_curves",) if own is None else ("survey",)
+    for index, (name, interval) in enumerate(zip(parameters, own or case.track_curves.ranges, strict=True)):
+        if own is not None and name != "displacement" and interval[0] <= 0:
+            yield (*at, "ranges", index), "must be > 0: this parameter is positive"
+        for path, message in _along(case, name, interval, ()):
+            key = ("track_curves", "parameters") if path == ("parameter",) else (*at, "ranges")
+            yield (*key, index), message
+    if _is_passive(case) and "displacement" not in parameters and "excitation_frequency" not in parameters:
+        yield ("track_curves", "parameters"), AT_REST
+    if _unforced(case) and "excitation_frequency" not in parameters:
+        yield ("track_curves", "parameters"), NO_PERIOD
+
+
 def _tori(case: Case) -> Iterator[Inconsistency]:
     table, at = case.continue_tori, ("continue_tori",)
     yield from _along(case, table.parameter, table.range, at)
@@ -88,6 +111,15 @@ def _tori(case: Case) -> Iterator[Inconsistency]:
 def _transient(case: Case) -> Iterator[Inconsistency]:
     for path, message in transient_inconsistencies(case.transient, case.excitation):
         yield ("transient", *path), message
+
+
+def _response(case: Case) -> Iterator[Inconsistency]:
+    if case.unbalance is None:
+        yield ("unbalance",), NO_UNBALANCE
+    last = case.rotor.node_count - 1
+    for index, node in enumerate(case.unbalance_response.probes):
+        if node > last:
+            yield ("unbalance_response", "probes", index), off_shaft(node, last)
 
 
 def _calibration(case: Case) -> Iterator[Inconsistency]:
@@ -144,11 +176,13 @@ STAGE_TABLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "linearize": ("linearize",),
         "criticals": ("criticals",),
+        "unbalance_response": ("unbalance_response",),
         "continue_cycles": ("continue_cycles", "linearize"),  # a whirl is sought along linearize.speed_range
         "track_pd": ("track_curves",),
         "track_ns": ("track_curves",),
         "track_folds": ("track_curves",),
         "bifurcation_set": ("bifurcation_set", "track_curves"),
+        "survey": ("survey", "track_curves"),
         "refine": ("refine",),
         "transient": ("transient",),
         "continue_tori": ("continue_tori",),
@@ -158,11 +192,13 @@ STAGE_TABLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """The tables of a case that a stage reads beside those of the machine, its own first."""
 _CHECKS: Mapping[str, Check] = MappingProxyType(
     {
+        "unbalance_response": _response,
         "continue_cycles": _cycles,
         "track_pd": _curves,
         "track_ns": _curves,
         "track_folds": _curves,
         "bifurcation_set": _set,
+        "survey": _survey,
         "transient": _transient,
         "continue_tori": _tori,
         "calibrate": _calibration,

@@ -35,6 +35,8 @@ class Sweep:
     """One value for each key, by row."""
     source: Path
     """Path of the list in the file; () for an override."""
+    labels: tuple[str, ...] = ()
+    """Names of the rows in the ids of cases; without them the values of the keys are."""
 
     @property
     def name(self) -> str:
@@ -49,6 +51,13 @@ class Sweep:
         rows = [tuple(row[column] for column in kept) for row in self.rows]
         once = {_words(row): row for row in rows}
         return Sweep(tuple(self.keys[column] for column in kept), tuple(once.values()), self.source)
+
+    def names(self, short: Mapping[str, str]) -> list[str]:
+        """The part of a case's id by row, from the short names of the keys: `stiffness=3`."""
+        if self.labels:
+            return list(self.labels)
+        rows = (zip(self.keys, _words(row), strict=True) for row in self.rows)
+        return ["_".join(f"{short[key]}={word}" for key, word in row) for row in rows]
 
 
 def inherit_bearing(document: Document) -> None:
@@ -119,6 +128,20 @@ def _assign_item(node: list[Any], index: int, rest: Sequence[str], value: Any, a
     else:
         node[index] = copy.deepcopy(value)
         yield (*at, index)
+
+
+def values_at(node: Any, key: str) -> Iterator[Any]:
+    """The values where a dotted path points, as `assign` reads it; none where it leads nowhere."""
+    name, _, rest = key.partition(".")
+    if isinstance(node, list) and not name.isdecimal():
+        for item in node:
+            yield from values_at(item, key)
+        return
+    try:
+        inner = node[int(name) if isinstance(node, list) else name]
+    except (KeyError, IndexError, TypeError):
+        return
+    yield from values_at(inner, rest) if rest else (inner,)
 
 
 def _dotted(path: Path) -> str:
@@ -199,13 +222,14 @@ def combinations(sweeps: Sequence[Sweep]) -> Iterator[tuple[str, tuple[tuple[Any
     keys = [key for sweep in sweeps for key in sweep.keys]
     if twice := next((key for key in keys if keys.count(key) > 1), None):
         raise MisplacedError(f"has the key {twice} twice")
-    for sweep in sweeps:
-        if len({_words(row) for row in sweep.rows}) != len(sweep.rows):
+    short = dict(zip(keys, short_names(keys), strict=True))
+    named = [sweep.names(short) for sweep in sweeps]
+    for sweep, names in zip(sweeps, named, strict=True):
+        if len(set(names)) != len(names):
             raise MisplacedError(f"lists a value of {sweep.name} twice")
-    names = _short_names(keys)
-    for rows in itertools.product(*(sweep.rows for sweep in sweeps)):
-        words = _words(tuple(itertools.chain.from_iterable(rows)))
-        yield _fitting("_".join(f"{name}={word}" for name, word in zip(names, words, strict=True))), rows
+    combined = itertools.product(*(sweep.rows for sweep in sweeps))
+    for parts, rows in zip(itertools.product(*named), combined, strict=True):
+        yield _fitting("_".join(parts)), rows
 
 
 def _fitting(case_id: str) -> str:
@@ -216,7 +240,7 @@ def _fitting(case_id: str) -> str:
     return f"{case_id[: LONGEST_ID - _DIGITS - 1]}-{digits}"
 
 
-def _short_names(keys: Sequence[str]) -> list[str]:
+def short_names(keys: Sequence[str]) -> list[str]:
     """The shortest ends of the keys that distinguish them."""
     names = []
     for key in keys:

@@ -18,8 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.datasets.chunks import read_array, write_array, write_chunk
-from pipelines.datasets.durable import MAKING, make_folder, replace_file, sweep_partials
+from pipelines.datasets.chunks import array_files, chunk_file, read_array
+from pipelines.datasets.durable import (
+    MAKING,
+    make_folder,
+    replace_file,
+    replace_files,
+    sweep_partials,
+    sync_folder,
+)
 from pipelines.datasets.errors import OtherConfigurationError, StoreError
 from pipelines.datasets.layout import ArrayLayout, layout
 from pipelines.datasets.locking import GroupLock
@@ -98,9 +105,8 @@ def write_group(
     fitted = fit_all(layouts, arrays, whole=True)
     ensure_container(store, group)
     folder = group_folder(store.path, group)
-    with GroupLock(store.path, group), _making(store, folder, sorted(layouts)):
-        for name, array in layouts.items():
-            _make_array(store, group, array, fitted[name])
+    with GroupLock(store.path, group), making(store, folder, sorted(layouts)):
+        _make_arrays(store, group, layouts, fitted)
         content = {**(attributes or {}), "status": COMPLETE, "dimensions": sizes, "arrays": sorted(layouts)}
         _publish(store, folder, kind, content)
 
@@ -192,14 +198,17 @@ class BranchWriter:
         new_rows = [fit_all(with_role(self.arrays, "row"), row) for row in rows]
         new_events = [fit_all(with_role(self.arrays, "event"), event) for event in events]
         self._check_capacity(len(new_rows), len(new_events))
+        files = list[tuple[Path, bytes]]()
         for name, column in self._rows.items():
-            column.write(self.n_points, [row[name] for row in new_rows])
+            files += column.write(self.n_points, [row[name] for row in new_rows])
         for name, array in self._slots.items():
             # the other slot belongs to the row before, which stays the newest one until the group's metadata
             # change
-            write_chunk(self.store, self.group, array, self.n_points % 2, slots[name][np.newaxis])
+            number = self.n_points % 2
+            files.append(chunk_file(self.store, self.group, array, number, slots[name][np.newaxis]))
         for name, column in self._events.items():
-            column.write(self.n_events, [event[name] for event in new_events])
+            files += column.write(self.n_events, [event[name] for event in new_events])
+        replace_files(files, durable=self.store.durable)
         counts = {"n_points": self.n_points + len(new_rows), "n_events": self.n_events + len(new_events)}
         self._replace_attributes({**counts, "status": RUNNING, "stop_reason": "", "stop_advice": ""})
 
@@ -287,26 +296,26 @@ class _Column:
             committed = read_array(self._store, self._group, self.array, start, count)
             self._chunk[: count - start] = committed
 
-    def write(self, first: int, rows: Sequence[Array]) -> None:
-        """Put rows at ``first`` and after it, and write their chunks."""
+    def write(self, first: int, rows: Sequence[Array]) -> Iterator[tuple[Path, bytes]]:
+        """Put rows at ``first`` and after it; yields the files of their chunks."""
         if rows and first // self._step < self._index:  # a commit of several rows failed in a later chunk
             self._load(first)
         for number, row in enumerate(rows, start=first):
             index, place = divmod(number, self._step)
             if index != self._index:
-                self._flush()
+                yield self._file()
                 self._index, self._chunk = index, self._empty()
             self._chunk[place] = row
             self._chunk[place + 1 :] = self.array.spec.fill
         if rows:
-            self._flush()
+            yield self._file()
 
     def newest(self, number: int) -> Array:
         """A copy of the newest row."""
         return self._chunk[number - self._index * self._step].copy()
 
-    def _flush(self) -> None:
-        write_chunk(self._store, self._group, self.array, self._index, self._chunk)
+    def _file(self) -> tuple[Path, bytes]:
+        return chunk_file(self._store, self._group, self.array, self._index, self._chunk)
 
     def _empty(self) -> Array:
         return np.full((self._step, *self.array.row_shape), self.array.spec.fill, dtype=self.array.spec.dtype)
@@ -330,14 +339,13 @@ def _make(
         "n_points": 0,
         "n_events": 0,
     }
-    with _making(store, folder, sorted(arrays)):
-        for name, array in arrays.items():
-            _make_array(store, group, array, fitted.get(name))
+    with making(store, folder, sorted(arrays)):
+        _make_arrays(store, group, arrays, fitted)
         _publish(store, folder, kind, {**content, "status": RUNNING, "stop_reason": "", "stop_advice": ""})
 
 
 @contextmanager
-def _making(store: Store, folder: Path, arrays: Sequence[str]) -> Iterator[None]:
+def making(store: Store, folder: Path, arrays: Sequence[str]) -> Iterator[None]:
     """Empty a group's folder, mark it as being made (`MAKING`), and remove the mark when done.
 
     A group that was there does not exist from here on. The mark tells what an interruption left from a group
@@ -365,12 +373,20 @@ def _clear(folder: Path, mark: Path | None) -> None:
             entry.unlink()
 
 
-def _make_array(store: Store, group: str, array: ArrayLayout, content: Array | None) -> None:
-    folder = store.path / group / array.spec.name
+def _make_arrays(
+    store: Store, group: str, arrays: Mapping[str, ArrayLayout], contents: Mapping[str, Array]
+) -> None:
+    """Make the folders and metadata of arrays, and write the contents that there are."""
+    folder, files = store.path / group, list[tuple[Path, bytes]]()
     make_folder(folder, durable=store.durable)
-    replace_file(folder / METADATA, encode_array(array), durable=store.durable)
-    if content is not None and content.size:
-        write_array(store, group, array, content)
+    for name, array in arrays.items():
+        make_folder(folder / name, durable=False)
+        files.append((folder / name / METADATA, encode_array(array)))
+        if name in contents and contents[name].size:
+            files += array_files(store, group, array, contents[name])
+    if store.durable:
+        sync_folder(folder)
+    replace_files(files, durable=store.durable)
 
 
 def _publish(store: Store, folder: Path, kind: str, attributes: Mapping[str, Any]) -> None:

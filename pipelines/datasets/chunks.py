@@ -8,6 +8,7 @@ every failure names a file.
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from math import prod
 from pathlib import Path
 
@@ -15,7 +16,6 @@ import google_crc32c
 import numcodecs.blosc
 import numpy as np
 
-from pipelines.datasets.durable import replace_file
 from pipelines.datasets.errors import CorruptedError
 from pipelines.datasets.layout import BLOSC_LEVEL, ArrayLayout
 from pipelines.datasets.metadata import RECOMPUTE, regular_file_size
@@ -32,25 +32,24 @@ _BLOSC_HEADER = struct.Struct(
 )  # version, version of the compressor, flags, itemsize, bytes, block, compressed
 
 
-def write_chunk(store: Store, group: str, array: ArrayLayout, index: int, rows: Array) -> None:
-    """Replace chunk ``index`` (along the rows) by at most ``array.chunks[0]`` rows, padded with fill values.
+def chunk_file(store: Store, group: str, array: ArrayLayout, index: int, rows: Array) -> tuple[Path, bytes]:
+    """The file of chunk ``index`` (along the rows) with at most ``array.chunks[0]`` rows, and its content.
 
-    Raises OSError.
+    Fill values stand in place of missing rows.
     """
     content = np.full(array.chunks, array.spec.fill, dtype=np.dtype(array.spec.dtype).newbyteorder("<"))
     content[: len(rows)] = rows
-    path = store.path / group / array.spec.name / array.chunk_files()[index]
-    replace_file(path, _encode(content), durable=store.durable)
+    return store.path / group / array.spec.name / array.chunk_file(index), _encode(content)
 
 
-def write_array(store: Store, group: str, array: ArrayLayout, content: Array) -> None:
-    """Write all rows of an array.
+def array_files(store: Store, group: str, array: ArrayLayout, content: Array) -> Iterator[tuple[Path, bytes]]:
+    """The files of all chunks of an array.
 
-    Chunks of fill values are written too: a missing file means lost data.  Raises OSError.
+    Chunks of fill values are among them: a missing file means lost data.
     """
     step = array.chunks[0]
     for index in range(len(array.chunk_files())):
-        write_chunk(store, group, array, index, content[index * step : (index + 1) * step])
+        yield chunk_file(store, group, array, index, content[index * step : (index + 1) * step])
 
 
 def _encode(content: Array) -> bytes:

@@ -1,7 +1,8 @@
 """Durable files: written beside their target, forced to disk, then renamed over it.
 
 After a power cut a file that was renamed but not forced to disk may be empty. Everything a store writes goes
-through `replace_file`.
+through `replace_file`. Files that become visible together are forced to disk side by side (`replace_files`):
+a file system forces thirty of them in little more time than one.
 """
 
 from __future__ import annotations
@@ -9,9 +10,12 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 PARTIAL = ".partial"
+_SIDE_BY_SIDE = 8  # files
 MAKING = "making" + PARTIAL
 """Lies in the folder of a group's first array while the group is made: it has no metadata of its own yet."""
 
@@ -34,6 +38,21 @@ def replace_file(
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)
         raise about(error, path) from error
+
+
+def replace_files(files: Sequence[tuple[Path, bytes]], *, durable: bool = True) -> None:
+    """Replace files, each one atomically and in no particular order; when it returns, all are there.
+
+    Raises the OSError of the first that fails; others may have been replaced.
+    """
+    if not durable:
+        for path, data in files:
+            replace_file(path, data, durable=False)
+        return
+    # threads of their own for every call: a process that forks between two calls has none that it would lose
+    with ThreadPoolExecutor(_SIDE_BY_SIDE) as threads:
+        for _ in threads.map(lambda file: replace_file(*file), files):
+            pass
 
 
 def _write(path: Path, data: bytes | memoryview, durable: bool) -> None:

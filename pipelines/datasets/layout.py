@@ -51,8 +51,11 @@ class ArrayLayout:
         if 0 in self.shape:
             return []
         count = self.shape[0] if rows is None else rows
-        zeros = ".0" * (len(self.shape) - 1)
-        return [f"c.{index}{zeros}" for index in range(-(-count // self.chunks[0]))]
+        return [self.chunk_file(index) for index in range(-(-count // self.chunks[0]))]
+
+    def chunk_file(self, index: int) -> str:
+        """Name of the file of a chunk, by its number along the rows."""
+        return f"c.{index}" + ".0" * (len(self.shape) - 1)
 
 
 def layout(

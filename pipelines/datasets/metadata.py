@@ -7,13 +7,16 @@ refused before memory is asked for.
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import os
 import re
 import stat
+import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -157,19 +160,59 @@ def _remedy(store: Path, group: str) -> str:
     return RESTORE if written_once else RECOMPUTE.replace("this folder", f"the folder {store / group}")
 
 
+Stamp = tuple[int, ...]
+_SETTLED = 50_000_000  # ns: a file may change twice between two ticks of the file system's clock
+_KNOWN = 1000  # groups that are kept as they were read: a search reads those of its case again and again
+
+
 def _read_group_metadata(folder: Path, kind: str | None) -> GroupMetadata:
+    declared = _latest(_declared, folder, _stamps(folder))
+    if kind is not None and declared.kind != kind:
+        raise ForeignStoreError(
+            f"this is a group of kind {declared.kind!r}, not {kind!r}", "Name another store or group", folder
+        )
+    metadata = _latest(_checked, folder, _stamps(folder, *declared.arrays))
+    return GroupMetadata(folder, metadata.kind, copy.deepcopy(metadata.attributes), dict(metadata.arrays))
+
+
+def _stamps(folder: Path, *arrays: str) -> tuple[Stamp, ...]:
+    """A stamp of the metadata of a group and of some of its arrays; empty if a file is missing or recent."""
+    try:
+        stamps = tuple(file_stamp(place / METADATA) for place in (folder, *map(folder.joinpath, arrays)))
+    except OSError:
+        return ()
+    settled = time.time_ns() - _SETTLED
+    return stamps if all(changed < settled for _, _, *times in stamps for changed in times) else ()
+
+
+def file_stamp(path: Path) -> Stamp:
+    """Inode, size and times of the last changes of a file: replacing it gives another stamp."""
+    status = path.lstat()
+    return status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+
+
+def _latest(read: Any, folder: Path, stamps: tuple[Stamp, ...]) -> GroupMetadata:
+    """What ``read`` makes of a folder, remembered for its stamps if there are any."""
+    found: GroupMetadata = read(folder, stamps) if stamps else read.__wrapped__(folder, stamps)
+    return found
+
+
+@lru_cache(_KNOWN)
+def _declared(folder: Path, stamps: tuple[Stamp, ...]) -> GroupMetadata:
+    """The group as its own metadata describe it; ``stamps`` tell when they must be read again."""
     attributes = _group_attributes(folder)
     found = attributes["kind"]
-    if kind is not None and found != kind:
-        raise ForeignStoreError(
-            f"this is a group of kind {found!r}, not {kind!r}", "Name another store or group", folder
-        )
-    if found not in KINDS:
-        return GroupMetadata(folder, found, attributes, {})
-    arrays = _declared_arrays(folder, found, attributes)
-    counts = {"row": attributes.get("n_points", 0), "event": attributes.get("n_events", 0)}
-    checked = {name: check_array(folder / name, a, counts.get(a.role)) for name, a in arrays.items()}
-    return GroupMetadata(folder, found, attributes, checked)
+    arrays = _declared_arrays(folder, found, attributes) if found in KINDS else {}
+    return GroupMetadata(folder, found, attributes, arrays)
+
+
+@lru_cache(_KNOWN)
+def _checked(folder: Path, stamps: tuple[Stamp, ...]) -> GroupMetadata:
+    """The group with its arrays as their metadata describe them."""
+    declared = _latest(_declared, folder, stamps[:1])
+    counts = {"row": declared.attributes.get("n_points", 0), "event": declared.attributes.get("n_events", 0)}
+    checked = {name: check_array(folder / name, a, counts.get(a.role)) for name, a in declared.arrays.items()}
+    return replace(declared, arrays=checked)
 
 
 def _group_attributes(folder: Path) -> dict[str, Any]:

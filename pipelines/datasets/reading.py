@@ -14,6 +14,8 @@ from pipelines.datasets.metadata import (
     FAILURES,
     METADATA,
     GroupMetadata,
+    Stamp,
+    file_stamp,
     group_folder,
     read_group_metadata,
     require_metadata,
@@ -80,13 +82,12 @@ def read_group(store: Store, group: str, names: Sequence[str] | None = None) -> 
     return Group(group, metadata.kind, metadata.attributes, arrays, slots)
 
 
-def metadata_stamp(store: Store, group: str) -> tuple[int, ...] | None:
+def metadata_stamp(store: Store, group: str) -> Stamp | None:
     """Distinguishes commits, each of which replaces the group's ``zarr.json``; None without one."""
     try:
-        status = (group_folder(store.path, group) / METADATA).stat()
+        return file_stamp(group_folder(store.path, group) / METADATA)
     except FileNotFoundError:
         return None
-    return status.st_ino, status.st_mtime_ns, status.st_ctime_ns, status.st_size
 
 
 def read_branch(store: Store, group: str, names: Sequence[str] | None = None) -> Group:

@@ -157,6 +157,21 @@ MACHINE = GroupSpec(
         _real("element_length", "element", "length of the shaft elements", "m"),
         _real("element_outer", "element", "outer diameter of the shaft elements", "m"),
         _real("element_inner", "element", "inner diameter of the shaft elements", "m"),
+        _real(
+            "element_outer_right",
+            "element",
+            "outer diameter at the right ends; the other is at the left",
+            "m",
+        ),
+        _real(
+            "element_inner_right",
+            "element",
+            "inner diameter at the right ends; the other is at the left",
+            "m",
+        ),
+        _real(
+            "element_axial_force", "element", "axial force in the shaft elements, positive for tension", "N"
+        ),
         _count(
             "element_material",
             "element",
@@ -172,6 +187,9 @@ MACHINE = GroupSpec(
             "diameter of a thin disc of the same mass and polar inertia",
             "m",
         ),
+        _real("disc_outer", "disc", "outer diameter of discs given by dimensions, NaN for others", "m"),
+        _real("disc_inner", "disc", "inner diameter of discs given by dimensions, NaN for others", "m"),
+        _real("disc_width", "disc", "width of discs given by dimensions, NaN for others", "m"),
         _count("support_node", "support", "node of the linear supports"),
         _count("bearing_node", "bearing", "node of the bearings"),
         _real("bearing_radius", "bearing", "bearing radius", "m"),
@@ -285,6 +303,37 @@ CRITICALS = GroupSpec(
             "unbalance response",
             f"unbalance response amplitude {FIRST}, condensed rotor",
         ),
+    ),
+)
+
+UNBALANCE_RESPONSE = GroupSpec(
+    "unbalance_response",
+    "Response of the linearised machine to its unbalance over the speed",
+    (
+        _real("speed", "speed", "rotating speed, dimensionless"),
+        _count("plane_node", "plane", "node of the plane of unbalance"),
+        _real("plane_moment", "plane", "unbalance of the plane", "kg m"),
+        _real("plane_phase", "plane", "angle of the unbalance from the rotor's mark", "rad"),
+        _count("probe_node", "probe", "node of the probe"),
+        _complex(
+            "response",
+            "speed plane probe axis",
+            f"motion under each plane alone: modulus is the amplitude {FIRST}, argument the phase ahead of "
+            "the rotor's mark",
+        ),
+        _real(
+            "journal_motion",
+            "speed bearing",
+            "largest radius of the journal's orbit under all planes, over the smallest film",
+        ),
+        _count("peak_probe", "peak", "probe of the resonance, index into probe_node"),
+        _flag("peak_axis", "peak", "axis of the resonance", "x", "y"),
+        _real("peak_speed", "peak", "speed of the largest amplitude under all planes"),
+        _real("peak_amplitude", "peak", f"amplitude there, {FIRST}"),
+        _real("peak_phase", "peak", "phase there, ahead of the rotor's mark", "rad"),
+        _real("peak_low", "peak", "lower speed with 0.7071 of this amplitude; NaN where there is none"),
+        _real("peak_high", "peak", "upper speed with 0.7071 of this amplitude; NaN where there is none"),
+        _real("peak_amplification", "peak", "amplification factor peak_speed / (peak_high - peak_low)"),
     ),
 )
 
@@ -548,6 +597,46 @@ BIFURCATION_SET = GroupSpec(
         _count("line_new_curves", "line", "curves that started from this line"),
         _flag("line_complete", "line", "whether the line reached both ends of the plane", "no", "yes"),
     ),
+)
+
+SURVEY = GroupSpec(
+    "survey",
+    "Stability of the cycles over a grid of two parameters, each cycle found alone",
+    (
+        _real(
+            "along", "cell", "values of the parameter along the lines, the first of the attribute parameters"
+        ),
+        _real("across", "line", "value of the other parameter on the line"),
+        _flag(
+            "status",
+            "line cell",
+            "found: a cycle; thin_film, below_vacuum: one with a film below continue_cycles.minimum_film, or "
+            "with a pressure that no gas has; otherwise why there is none",
+            "found",
+            "thin_film",
+            "below_vacuum",
+            "no_equilibrium",
+            "no_cycle",
+        ),
+        _real("growth_rate", "line cell", "largest growth rate ln|mu| / T beside the cycle, dimensionless"),
+        _complex("multiplier", "line cell", "Floquet multiplier mu of the largest modulus"),
+        _flag(
+            "bifurcation",
+            "line cell",
+            "bifurcation at which this multiplier passes the unit circle",
+            "fold",
+            "period_doubling",
+            "neimark_sacker",
+        ),
+        _count("unstable_count", "line cell", "multipliers outside the unit circle"),
+        _real("minimum_film", "line cell", f"smallest film thickness over the period in any bearing, {OWN}"),
+        _flag("method", "line cell", "how the cycle was found", "harmonic_balance", "newton"),
+        _real("miss", "line cell", "distance of the state after a period, relative to the largest state"),
+        _count("steps_per_period", "line cell", "time steps of one period"),
+        _real("step_error", "line cell", "likely error of the leading multipliers by the time steps"),
+    ),
+    row="line",
+    coordinates=("across",),
 )
 
 REFINEMENT = GroupSpec(
@@ -818,10 +907,12 @@ KINDS: Mapping[str, GroupSpec] = {
         MACHINE,
         LINEAR,
         CRITICALS,
+        UNBALANCE_RESPONSE,
         CYCLES,
         TORI,
         CURVE,
         BIFURCATION_SET,
+        SURVEY,
         REFINEMENT,
         CALIBRATION,
         TRANSIENT,

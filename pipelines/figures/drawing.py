@@ -15,12 +15,14 @@ from types import MappingProxyType
 
 from matplotlib.figure import Figure
 
-from pipelines.datasets.reading import list_cases
+from pipelines.datasets.case_table import case_table
+from pipelines.datasets.reading import case_attributes, list_cases
 from pipelines.datasets.store import Store, StoreError, open_for_reading
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES
 from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram
 from pipelines.figures.bifurcation_tree import draw_bifurcation_tree
+from pipelines.figures.bode import draw_bode
 from pipelines.figures.campbell import draw_campbell
 from pipelines.figures.case_tables import RUNS, CaseTables, Notify, kind_of, read_case
 from pipelines.figures.condensation import draw_condensation
@@ -32,8 +34,10 @@ from pipelines.figures.orbits import draw_film, draw_orbits
 from pipelines.figures.response_envelope import draw_envelope, draw_unbalance
 from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_spectrum, draw_waterfall
 from pipelines.figures.runs import RunView
+from pipelines.figures.sensitivity import TABLE_KINDS, table_plans
 from pipelines.figures.several_cases import JOINT_KINDS, joint_plans
 from pipelines.figures.stability_map import PlaneView, draw_stability_map, map_stem, same_plane
+from pipelines.figures.survey import draw_survey
 from pipelines.figures.tori import draw_section, draw_tori, is_unbalanced
 
 # Figure: kind of the group it is drawn from.
@@ -43,12 +47,14 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "linearization": "linear",
         "campbell": "criticals",
         "condensation": "criticals",
+        "bode": "unbalance_response",
         "bifurcation": "cycles",
         "multipliers": "cycles",
         "orbits": "cycles",
         "film": "cycles",
         "tree": "cycles",
         "stability": "curve",
+        "survey": "survey",
         "tori": "tori",
         "section": "tori",
         "envelope": RUNS,
@@ -62,14 +68,16 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
 # Figure: kinds of groups that add to it where the store has them.
 BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
     {
+        "bode": ("linear",),
         "bifurcation": ("refinement",),
         "stability": ("criticals", "bifurcation_set", "operating_range", "refinement"),
+        "survey": ("curve",),
         "tori": ("cycles",),
         "envelope": ("transient", "cycles"),
         **dict.fromkeys(("unbalance", "waterfall", "spectrum", "poincare", "modal-energy"), ("transient",)),
     }
 )
-ALL_KINDS = (*FIGURE_KINDS, *JOINT_KINDS)
+ALL_KINDS = (*FIGURE_KINDS, *JOINT_KINDS, *TABLE_KINDS)
 
 
 def _ignore(message: str) -> None:
@@ -172,6 +180,24 @@ def _planned(
         found = [case for case in read if case is not None]
         for plan in joint_plans(found, joint, notify if asked else _ignore):
             yield Path(plan.stem), plan
+    of_table = [kind for kind in kinds if kind in TABLE_KINDS]
+    if of_table and (asked or len(chosen) > 1):
+        for plan in _table_plans(opened, chosen, of_table, notify if asked else _ignore, damaged):
+            yield Path(plan.stem), plan
+
+
+def _table_plans(
+    store: Store, cases: Sequence[str], kinds: Sequence[str], notify: Notify, damaged: list[StoreError]
+) -> list[FigurePlan]:
+    """The figures of all cases' inputs and results; collects the error of an unreadable group."""
+    try:
+        table = case_table(store, cases)
+        note = str(case_attributes(store, cases[0]).get("reconstruction") or "")
+    except StoreError as error:
+        notify(f"{' and '.join(kinds)} left out: {error.message}")
+        damaged.append(error)
+        return []
+    return list(table_plans(table, kinds, note, notify))
 
 
 def _plans(
@@ -189,13 +215,14 @@ def _plans(
     if asked:
         _notify_missing(case, own, {kind_of(name) for name in held.tables}, notify)
     view, branches = held.view, held.of_kind("cycles")
-    plans = [plan for kind, table in held.single.items() for plan in _single_plans(view, kind, table)]
+    plans = [plan for kind in held.single for plan in _single_plans(view, kind, held.single)]
     plans += [
         *_bifurcation_plans(view, branches, held.single.get("refinement")),
         *_branch_plans(view, branches),
         *_tree_plans(view, branches),
         *_run_plans(view, held.runs, list(branches.values())),
         *_map_plans(held),
+        *_survey_plans(held),
         *_torus_plans(view, held.of_kind("tori"), branches),
     ]
     if asked and "tree" in own and branches and not any(plan.kind == "tree" for plan in plans):
@@ -214,8 +241,9 @@ def _notify_missing(case: str, kinds: Collection[str], held: Collection[str], no
         notify(f"{case}: {left}: the store has no group {group!r} for this case")
 
 
-def _single_plans(view: CaseView, kind: str, table: Table) -> list[FigurePlan]:
-    """Figures of a group that a case has at most once."""
+def _single_plans(view: CaseView, kind: str, groups: Mapping[str, Table]) -> list[FigurePlan]:
+    """Figures of one kind among the ``groups`` that a case has at most once."""
+    table = groups[kind]
     if kind == "machine":
         return [FigurePlan("machine", "machine", partial(draw_machine, view))]
     if kind == "criticals":
@@ -223,6 +251,8 @@ def _single_plans(view: CaseView, kind: str, table: Table) -> list[FigurePlan]:
             FigurePlan("campbell", "campbell", partial(draw_campbell, view, table)),
             FigurePlan("condensation", "condensation", partial(draw_condensation, view, table)),
         ]
+    if kind == "unbalance_response":
+        return [FigurePlan("bode", "bode", partial(draw_bode, view, table, groups.get("linear")))]
     if kind == "linear":
         draw = partial(draw_linearization, view, table)
         return [
@@ -300,6 +330,16 @@ def _map_plans(case: CaseTables) -> list[FigurePlan]:
         draw = partial(draw_stability_map, case.view, content) if started else _nothing_yet(case.view)
         plans.append(FigurePlan("stability", map_stem("stability-map", content.x, content.y), draw))
     return plans
+
+
+def _survey_plans(case: CaseTables) -> list[FigurePlan]:
+    """The map of a survey, under the curves of its plane."""
+    table = case.single.get("survey")
+    if table is None:
+        return []
+    draw = partial(draw_survey, case.view, table, case.curves)
+    started = len(table["across"]) > 0
+    return [FigurePlan("survey", "survey", draw if started else _nothing_yet(case.view))]
 
 
 def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table]) -> list[FigurePlan]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -50,8 +52,11 @@ def draw_machine(case: CaseView) -> Figure:
 def _reach(machine: Table) -> float:
     """Largest drawn radius [mm]."""
     bearings = (1.0 + HOUSING) * machine["bearing_radius"]
-    diameters = [machine["element_outer"], machine.optional("disc_diameter_equivalent")]
-    return MILLIMETRES * max(float(np.max(bearings)), *(0.5 * float(np.max(d)) for d in diameters if len(d)))
+    discs = machine.optional("disc_diameter_equivalent")
+    shaft = _end_diameters(machine, "element_outer")
+    return max(
+        MILLIMETRES * float(np.max(bearings)), 0.5 * float(np.max(shaft)), *(0.5 * MILLIMETRES * discs)
+    )
 
 
 def material_colour(index: int) -> str:
@@ -59,25 +64,41 @@ def material_colour(index: int) -> str:
     return MATERIAL_COLOURS[index % len(MATERIAL_COLOURS)]
 
 
+def _end_diameters(machine: Table, name: str) -> NDArray[np.float64]:
+    """Diameters [mm] of the elements at their left and right ends, (2, elements); a cylinder has one."""
+    left, right = machine[name], machine.optional(f"{name}_right")
+    return MILLIMETRES * np.array([left, right if right.size else left])
+
+
 def _draw_elements(axes: Axes, machine: Table, position: NDArray[np.float64]) -> None:
-    for element, (start, length) in enumerate(
-        zip(position[:-1], MILLIMETRES * machine["element_length"], strict=True)
-    ):
+    outer, inner = (0.5 * _end_diameters(machine, name).T for name in ("element_outer", "element_inner"))
+    for element, ends in enumerate(pairwise(position)):
         colour = material_colour(int(machine["element_material"][element]))
-        outer = 0.5 * MILLIMETRES * float(machine["element_outer"][element])
-        inner = 0.5 * MILLIMETRES * float(machine["element_inner"][element])
-        _box(axes, start, length, -outer, outer, colour, zorder=2)
-        if inner > 0.0:
-            _box(axes, start, length, -inner, inner, "white", zorder=2.5)
+        _trapezium(axes, ends, outer[element], colour, zorder=2)
+        if inner[element].any():
+            _trapezium(axes, ends, inner[element], "white", zorder=2.5)
+
+
+def _disc_dimensions(machine: Table) -> NDArray[np.float64]:
+    """Outer diameter, inner diameter and width [mm] of the discs, (discs, 3); NaN where not known."""
+    count = machine.optional("disc_node").size
+    found = [machine.optional(name) for name in ("disc_outer", "disc_inner", "disc_width")]
+    return MILLIMETRES * np.array([each if each.size else np.full(count, np.nan) for each in found]).T
 
 
 def _draw_discs(axes: Axes, machine: Table, position: NDArray[np.float64]) -> None:
-    width = LEAST_DISC_WIDTH * float(position[-1] - position[0])
-    for node, diameter in zip(
-        machine.optional("disc_node"), machine.optional("disc_diameter_equivalent"), strict=True
+    thin = LEAST_DISC_WIDTH * float(position[-1] - position[0])
+    for node, equivalent, (outer, inner, width) in zip(
+        machine.optional("disc_node"),
+        MILLIMETRES * machine.optional("disc_diameter_equivalent"),
+        _disc_dimensions(machine),
+        strict=True,
     ):
-        radius = 0.5 * MILLIMETRES * float(diameter)
-        _box(axes, position[node] - 0.5 * width, width, -radius, radius, DISC_COLOUR, zorder=3)
+        if np.isnan(outer):
+            _box(axes, position[node] - 0.5 * thin, thin, -0.5 * equivalent, 0.5 * equivalent, DISC_COLOUR, 3)
+            continue
+        for low, high in ((-0.5 * outer, -0.5 * inner), (0.5 * inner, 0.5 * outer)):
+            _box(axes, position[node] - 0.5 * width, width, low, high, DISC_COLOUR, zorder=3)
 
 
 def _draw_bearing(axes: Axes, machine: Table, bearing: int) -> None:
@@ -98,10 +119,11 @@ def _draw_bearing(axes: Axes, machine: Table, bearing: int) -> None:
 
 
 def _draw_supports(axes: Axes, machine: Table, position: NDArray[np.float64], reach: float) -> None:
-    outer = MILLIMETRES * machine["element_outer"]
+    left, right = _end_diameters(machine, "element_outer")
+    at_node = np.append(left, right[-1])
     for node in machine.optional("support_node"):
         x, size = float(position[node]), 0.22 * reach
-        top = -0.5 * float(outer[min(node, len(outer) - 1)])
+        top = -0.5 * float(at_node[node])
         corners = [(x, top), (x - size, top - 1.4 * size), (x + size, top - 1.4 * size)]
         axes.add_patch(
             Polygon(corners, closed=True, facecolor="white", edgecolor="#333333", linewidth=0.8, zorder=3)
@@ -150,6 +172,17 @@ def _draw_span(axes: Axes, machine: Table, position: NDArray[np.float64], reach:
     )
 
 
+def _trapezium(
+    axes: Axes, ends: tuple[float, float], radii: NDArray[np.float64], colour: str, zorder: float
+) -> None:
+    """Side view of a cylinder or cone between two places, with its radii there."""
+    left, right = ends
+    corners = [(left, -radii[0]), (left, radii[0]), (right, radii[1]), (right, -radii[1])]
+    axes.add_patch(
+        Polygon(corners, closed=True, facecolor=colour, edgecolor="#333333", linewidth=0.6, zorder=zorder)
+    )
+
+
 def _box(
     axes: Axes,
     x: float,
@@ -187,9 +220,9 @@ def _legend(machine: Table) -> list[Line2D | Patch]:
         for index in used
     ]
     if len(machine.optional("disc_node")):
-        handles.append(
-            Patch(facecolor=DISC_COLOUR, edgecolor="#333333", linewidth=0.6, label="disc (equal inertia)")
-        )
+        to_scale = not np.isnan(_disc_dimensions(machine)).any()
+        label = "disc" if to_scale else "disc (equal inertia)"
+        handles.append(Patch(facecolor=DISC_COLOUR, edgecolor="#333333", linewidth=0.6, label=label))
     handles.append(
         Patch(
             facecolor=BEARING_COLOUR,

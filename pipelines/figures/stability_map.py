@@ -199,7 +199,8 @@ def _draw_passive(axes: Axes, view: PlaneView) -> list[Line2D]:
     return [line]
 
 
-def _draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
+def draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
+    """Draw the curves of a plane; returns the legend of their looks."""
     looks: list[LineStyle] = []
     for curve in view.curves:
         for look, points in parts_of(curve, view):
@@ -300,7 +301,7 @@ def _draw_errors(axes: Axes, view: PlaneView) -> list[Line2D]:
 # What is drawn over the plane, each giving its entries of the legend; a group that adds to the map adds its
 # layer here and its name to drawing.BESIDE.
 LAYERS: tuple[Layer, ...] = (
-    _draw_curves,
+    draw_curves,
     _draw_special_points,
     _draw_incomplete_ends,
     _draw_stable_range,

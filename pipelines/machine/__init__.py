@@ -6,7 +6,9 @@ Numbered equations, such as Eq. 1, are those of the paper whose model this is (s
   the error of the condensation
 - rotor_modes, unbalance: linear vibrations of the rotor; the force of its unbalance
 - axial, film, film_force: the gas film of one bearing and its force
-- lanes, plain_lanes, vector_lanes: sums over columns side by side, in vector registers where possible
+- lanes, plain_lanes, vector_lanes: sums over columns side by side, in vector registers where possible, and
+  arrays without reference counts
+- inverse: the inverse of a small matrix
 - ring, bearing, regrid: the active ring; a bearing with its unknowns; a state on another grid
 - sparse_pattern: sparse matrices whose entries change and whose places do not
 - kernels, rates, shifted, extremes: the compiled machine: signatures, rates and Jacobian action, linear

@@ -143,7 +143,7 @@ class Machine:
         places = []
         for b, bearing in enumerate(self.bearings):
             settings, first = bearing.settings, self.film_unknowns(b).start
-            films = film_pattern(settings.nodes, settings.axial, settings.periodic)
+            films = film_pattern(settings.nodes, settings.axial, bearing.reach, settings.periodic)
             pressures = first + np.arange(_pressures(settings).stop)
             dof = self.rotor_start + self.journal_freedoms[b]
             journal = dof + np.array([0, 1, self.rotor_freedoms, self.rotor_freedoms + 1])
@@ -266,10 +266,10 @@ def _assembled(
     state_size = sum(s.unknowns for s in settings) + space.constant.shape[0]
     work_size = max(
         max(
-            rates.workspace_size(state_size, s.nodes, s.axial),
-            shifted.workspace_size(state_size, space.constant.shape[0] // 2, s.nodes, s.axial),
+            rates.workspace_size(state_size, bearing.integers),
+            shifted.workspace_size(state_size, space.constant.shape[0] // 2, bearing.integers),
         )
-        for s in settings
+        for bearing in bearings
     )
     return Machine(scales, bearings, rotor, condensed, scaled, space, freedoms, constants, layout, work_size)
 

@@ -25,7 +25,46 @@ Array = NDArray[np.float64]
 
 CLIPPING = {"full": film.FULL, "gumbel": film.GUMBEL, "smooth": film.SMOOTH}
 AXIAL_OPERATORS = {"chebyshev": chebyshev_operator, "uniform": uniform_operator}
-CONVECTION_WEIGHTS = {"central": 0.5, "backward": 1.0}
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Weights of a scheme along theta.
+
+    ``narrow``: of the narrow fluxes at the faces in dtheta S (see ``film``), from the one furthest behind on.
+    ``convection``, ``beside_edge``: of p h in dtheta S, and at the first node behind a foil edge; at the last
+    node before an edge they are mirrored.
+    """
+
+    narrow: tuple[float, ...]
+    convection: tuple[float, ...]
+    beside_edge: tuple[float, ...]
+
+    @property
+    def reach(self) -> int:
+        """Number of neighbours on either side."""
+        return len(self.narrow) // 2
+
+    @property
+    def packed(self) -> Array:
+        """The stencil as ``film`` reads it."""
+        if self.reach < film.WIDE_REACH:
+            last = self.convection
+        else:
+            last = tuple(-weight for weight in reversed(self.beside_edge))
+        return np.array([0.0, *self.narrow, 0.0, *self.beside_edge, *self.convection, *last])
+
+
+_CENTRAL, _BACKWARD = (-0.5, 0.0, 0.5), (-1.0, 1.0, 0.0)
+SCHEMES = {
+    "central": Stencil((-1.0, 1.0), _CENTRAL, _CENTRAL),
+    "backward": Stencil((-1.0, 1.0), _BACKWARD, _BACKWARD),
+    "fourth_order": Stencil(
+        (1.0 / 24.0, -3.0 / 24.0, 3.0 / 24.0, -1.0 / 24.0),
+        (1.0 / 12.0, -8.0 / 12.0, 0.0, 8.0 / 12.0, -1.0 / 12.0),
+        (0.0, -3.0 / 8.0, -3.0 / 8.0, 7.0 / 8.0, -1.0 / 8.0),
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -72,6 +111,11 @@ class Bearing:
     arrays: Array
 
     @property
+    def reach(self) -> int:
+        """Neighbours of a node on either side in the scheme along theta."""
+        return int(self.integers[film.REACH])
+
+    @property
     def angles(self) -> Array:
         """Circumferential coordinate theta of the nodes [rad]."""
         spacing = self.scalars[film.SPACING]
@@ -80,34 +124,38 @@ class Bearing:
     @property
     def mean_weights(self) -> Array:
         """Weights of the axial mean over the stations with unknowns."""
-        return self.arrays[film.film_layout(self.integers).weights :]
+        at = film.film_layout(self.integers)
+        return self.arrays[at.weights : at.narrow]
 
     @property
     def directions(self) -> Array:
-        """Cosine and sine of theta at the padded nodes, shape (nodes + 2, 2)."""
+        """Cosine and sine of theta at the padded nodes, shape (nodes + 2 reach, 2)."""
         return self.arrays[: film.film_layout(self.integers).second_derivative].reshape(2, -1).T
 
 
 def pack_bearing(settings: FilmSettings, offset: int = 0) -> Bearing:
     """Pack a bearing's settings; ``offset`` is where its pressures start in the state vector."""
-    nodes, stations = settings.nodes, settings.axial
+    nodes, stations, stencil = settings.nodes, settings.axial, SCHEMES[settings.scheme]
     spacing = 2.0 * np.pi / settings.circumferential
-    angles = settings.edge_angle + spacing * np.arange(nodes + 2)
+    places = np.arange(1 - stencil.reach, nodes + stencil.reach + 1)
+    if not settings.periodic:  # what lies beyond an edge is the edge
+        places = np.clip(places, 0, nodes + 1)
+    angles = settings.edge_angle + spacing * places
     axial = AXIAL_OPERATORS[settings.axial_scheme](stations)
     integers = np.array(
-        [nodes, stations, settings.periodic, CLIPPING[settings.clipping], settings.loss_factor_damping,
-         offset, offset + nodes * stations], dtype=np.int64,
+        [nodes, stations, stencil.reach, settings.periodic, CLIPPING[settings.clipping],
+         settings.loss_factor_damping, offset, offset + nodes * stations], dtype=np.int64,
     )  # fmt: skip
     mobility = 1.0 / settings.time_ratio
     scalars = np.array(
-        [spacing, mobility, mobility * settings.kappa**2, CONVECTION_WEIGHTS[settings.scheme],
-         settings.loss_factor, settings.time_ratio, settings.stiffness_ratio, settings.absolute_pressure,
-         settings.smoothing, settings.ring_radius, settings.ring_ratio, settings.ring_amplitude,
-         settings.ring_phase], dtype=np.float64,
+        [spacing, mobility, mobility * settings.kappa**2, settings.loss_factor, settings.time_ratio,
+         settings.stiffness_ratio, settings.absolute_pressure, settings.smoothing, settings.ring_radius,
+         settings.ring_ratio, settings.ring_amplitude, settings.ring_phase], dtype=np.float64,
     )  # fmt: skip
     arrays = np.concatenate(
-        [np.cos(angles), np.sin(angles), axial.second_derivative.ravel(), axial.side, axial.weights]
-    )
+        [np.cos(angles), np.sin(angles), axial.second_derivative.ravel(), axial.side, axial.weights,
+         stencil.packed]
+    )  # fmt: skip
     return Bearing(settings, integers, scalars, arrays)
 
 
@@ -126,10 +174,25 @@ def film_state(
     bearing: Bearing, unknowns: Array, journal: Array, phase: float, parameters: Array
 ) -> FilmState:
     """Film thickness, rates and force of a bearing; ``journal`` = X, Y, dX/dtau, dY/dtau (Eq. 2, 3, 8, 9)."""
-    local = _at_origin(bearing)
-    nodes, stations = local.settings.nodes, local.settings.axial
-    thickness, thickness_rate = np.empty(nodes + 2), np.empty(nodes)
-    padded, rates = np.empty(stations * (nodes + 2)), np.empty(local.settings.unknowns)
+    film_now = _evaluate(_at_origin(bearing), unknowns, journal, phase, parameters)
+    beyond = bearing.reach - 1
+    inside = slice(beyond, len(film_now.thickness) - beyond)
+    padded = film_now.padded_pressure[:, inside]
+    return replace(film_now, thickness=film_now.thickness[inside], padded_pressure=padded)
+
+
+def _evaluate(
+    local: Bearing,
+    unknowns: Array,
+    journal: Array,
+    phase: float,
+    parameters: Array,
+    scratch: Array | None = None,
+) -> FilmState:
+    """``film_state`` with all padded nodes; ``scratch`` receives that of ``film.film_rates``."""
+    nodes, stations, length = local.settings.nodes, local.settings.axial, len(local.directions)
+    thickness, thickness_rate = np.empty(length), np.empty(nodes)
+    padded, rates = np.empty(stations * length), np.empty(local.settings.unknowns)
     journal = np.ascontiguousarray(journal, dtype=np.float64)
     film.film_geometry(
         phase, unknowns, parameters, local.integers, local.scalars, local.arrays, journal,
@@ -138,11 +201,21 @@ def film_state(
     film.pad_pressure(unknowns, local.integers, padded)
     film.film_rates(
         padded, parameters, local.integers, local.scalars, local.arrays, thickness, thickness_rate, rates,
-        np.empty((film.FILM_SCRATCH, nodes + 2)),
+        _film_scratch(local) if scratch is None else scratch,
     )  # fmt: skip
-    scratch = np.empty((FORCE_SCRATCH, nodes + 2))
-    force = film_force(padded, local.integers, local.scalars, local.arrays, np.empty((2, 0)), scratch)
-    return FilmState(thickness, thickness_rate, padded.reshape(stations, nodes + 2), rates, np.array(force))
+    force = film_force(
+        padded,
+        local.integers,
+        local.scalars,
+        local.arrays,
+        np.empty((2, 0)),
+        np.empty((FORCE_SCRATCH, nodes + 2)),
+    )
+    return FilmState(thickness, thickness_rate, padded.reshape(stations, length), rates, np.array(force))
+
+
+def _film_scratch(bearing: Bearing) -> Array:
+    return np.empty((film.FILM_SCRATCH, film.scratch_length(bearing.integers)))
 
 
 def _at_origin(bearing: Bearing) -> Bearing:
@@ -180,75 +253,80 @@ def linearise_bearing(
     local = _at_origin(bearing)
     settings = local.settings
     nodes, stations = settings.nodes, settings.axial
-    state = film_state(bearing, unknowns, journal, phase, parameters)
-    terms, gradient = np.empty((film.HERE + stations, nodes * stations)), np.empty((2, nodes * stations))
+    scratch, reach = _film_scratch(local), local.reach
+    state = _evaluate(local, unknowns, journal, phase, parameters, scratch)
+    at = film.term_rows(reach, stations)
+    terms, gradient = np.empty((at.count, nodes * stations)), np.empty((2, nodes * stations))
     film.film_derivatives(
         state.padded_pressure.ravel(), parameters, local.integers, local.scalars, local.arrays,
-        state.thickness, state.thickness_rate, state.rates, terms, np.empty((film.FILM_SCRATCH, nodes + 2)),
+        state.thickness, state.thickness_rate, state.rates, terms, scratch,
     )  # fmt: skip
     film_force(
         state.padded_pressure.ravel(), local.integers, local.scalars, local.arrays, gradient,
         np.empty((FORCE_SCRATCH, nodes + 2)),
     )  # fmt: skip
-    # h and dh/dtau at a padded station follow the journal with -(cos, sin)
+    # h and dh/dtau at a padded node follow the journal with -(cos, sin)
     trig = -local.directions
     i = np.arange(nodes * stations) % nodes
-    position = terms[film.THICKNESS_BEFORE][:, None] * trig[i]
-    position += terms[film.THICKNESS_HERE][:, None] * trig[i + 1]
-    position += terms[film.THICKNESS_AFTER][:, None] * trig[i + 2]
+    position = sum(
+        terms[at.thickness + offset][:, None] * trig[i + reach + offset]
+        for offset in range(-reach, reach + 1)
+    )
     foil = np.zeros((nodes, 2))  # its rate depends on the journal through the pressure only
     coefficients = film.foil_coefficients(parameters, local.integers, local.scalars)
     return BearingLinearisation(
-        pattern=film_pattern(nodes, stations, settings.periodic),
-        entries=_film_entries(terms, settings, local.mean_weights, *coefficients),
+        pattern=film_pattern(nodes, stations, reach, settings.periodic),
+        entries=_film_entries(terms, settings, reach, local.mean_weights, *coefficients),
         position=np.vstack([position, foil]),
-        velocity=np.vstack([terms[film.THICKNESS_RATE][:, None] * trig[i + 1], foil]),
+        velocity=np.vstack([terms[film.THICKNESS_RATE][:, None] * trig[i + reach], foil]),
         force=np.hstack([gradient, foil.T]),
     )
 
 
 @cache
-def film_pattern(nodes: int, stations: int, periodic: bool) -> SparsePattern:
+def film_pattern(nodes: int, stations: int, reach: int, periodic: bool) -> SparsePattern:
     """Where A has entries: the film's rows, then the foil's, in the order of ``_film_entries``."""
     rows = np.arange(nodes * stations)
     i, first, foil, own = rows % nodes, rows - rows % nodes, nodes * stations, np.arange(nodes)
-    before, after = (i - 1) % nodes, (i + 1) % nodes
-    left, right = _with_neighbours(nodes, stations, periodic)
-    film_rows = [
-        (left, (first + before)[left]),
-        (right, (first + after)[right]),
-        (left, (foil + before)[left]),
-        (rows, foil + i),
-        (right, (foil + after)[right]),
-        *((rows, station * nodes + i) for station in range(stations)),
-    ]
+    film_rows = [(rows, foil + i)]
+    for offset, inside in _with_neighbours(nodes, stations, reach, periodic):
+        neighbour = (i[inside] + offset) % nodes
+        film_rows += [(inside, first[inside] + neighbour), (inside, foil + neighbour)]
+    film_rows += [(rows, station * nodes + i) for station in range(stations)]
     foil_rows = [(foil + own, block * nodes + own) for block in range(stations + 1)]
     return SparsePattern.of(nodes * (stations + 1), [*film_rows, *foil_rows])
 
 
-def _with_neighbours(nodes: int, stations: int, periodic: bool) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The film's rows with a node before and those with a node after; the foil's edge has no unknowns."""
+def _with_neighbours(
+    nodes: int, stations: int, reach: int, periodic: bool
+) -> list[tuple[int, NDArray[np.intp]]]:
+    """Offsets of neighbours, and the film's rows that have one there; the foil's edge has no unknowns."""
     rows = np.arange(nodes * stations)
-    i = rows % nodes
-    return (rows, rows) if periodic else (rows[i > 0], rows[i < nodes - 1])
+    offsets = [offset for offset in range(-reach, reach + 1) if offset != 0]
+    others = [rows % nodes + offset for offset in offsets]
+    return [
+        (offset, rows[periodic | ((other >= 0) & (other < nodes))])
+        for offset, other in zip(offsets, others, strict=True)
+    ]
 
 
 def _film_entries(
-    terms: Array, settings: FilmSettings, mean_weights: Array, flexibility: float, relaxation: float
+    terms: Array,
+    settings: FilmSettings,
+    reach: int,
+    mean_weights: Array,
+    flexibility: float,
+    relaxation: float,
 ) -> list[Array]:
     """The entries of A: film rows from ``terms`` with dh/dtau = dq/dtau of the foil put in, and foil rows.
 
     d(dq/dtau)_i = flexibility sum_l weights_l dp_{i,l} - relaxation dq_i (Eq. 8)
     """
     nodes, stations = settings.nodes, settings.axial
-    left, right = _with_neighbours(nodes, stations, settings.periodic)
+    at = film.term_rows(reach, stations)
     by_rate, weights = terms[film.THICKNESS_RATE], flexibility * mean_weights
-    return [
-        terms[film.BEFORE][left],
-        terms[film.AFTER][right],
-        terms[film.THICKNESS_BEFORE][left],
-        terms[film.THICKNESS_HERE] - relaxation * by_rate,
-        terms[film.THICKNESS_AFTER][right],
-        *(terms[film.HERE + station] + weight * by_rate for station, weight in enumerate(weights)),
-        np.repeat([*weights, -relaxation], nodes),
-    ]
+    entries = [terms[at.thickness] - relaxation * by_rate]
+    for offset, inside in _with_neighbours(nodes, stations, reach, settings.periodic):
+        entries += [terms[at.pressure + offset][inside], terms[at.thickness + offset][inside]]
+    entries += [terms[at.here + station] + weight * by_rate for station, weight in enumerate(weights)]
+    return [*entries, np.repeat([*weights, -relaxation], nodes)]

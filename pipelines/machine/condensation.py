@@ -25,6 +25,9 @@ FloatArray = NDArray[np.float64]
 
 # The slaves' displacements lose log10(condition) of their 16 digits; at least four must remain.
 LARGEST_SLAVE_CONDITION = 1e12
+BUCKLED = (
+    "the axial forces buckle the shaft between its masters {masters}: more masters, or a smaller compression"
+)
 
 
 @dataclass(frozen=True)
@@ -118,9 +121,10 @@ def static_transformation(
 ) -> FloatArray:
     """T of the module's head, shape (size, n), for a stiffness of shape (size, size).
 
-    Raises ValueError if masters are missing, repeated or unknown, and if K_ss is too ill conditioned: then
-    the masters do not hold the rotor (one master alone leaves it free to tilt), or the stiffnesses of its
-    parts differ too much.
+    Raises ValueError if masters are missing, repeated or unknown, if K_ss is too ill conditioned: then the
+    masters do not hold the rotor (one master alone leaves it free to tilt), or the stiffnesses of its parts
+    differ too much; and if K_ss is not positive: axial forces then buckle the shaft between its masters, and
+    the condensed rotor would not know.
     """
     size = stiffness.shape[0]
     unknown = [node for node in masters if not 0 <= node < size // NODE_FREEDOMS]
@@ -137,7 +141,10 @@ def static_transformation(
 
     # Scale by the diagonal first: rotations and displacements differ by the square of a length.
     slave_stiffness = stiffness[np.ix_(slave, slave)]
-    scale = 1.0 / np.sqrt(np.diag(slave_stiffness))
+    diagonal = np.diag(slave_stiffness)
+    if np.min(diagonal) <= 0.0:
+        raise ValueError(BUCKLED.format(masters=list(masters)))
+    scale = 1.0 / np.sqrt(diagonal)
     scaled_stiffness = scale[:, None] * slave_stiffness * scale
     condition = float(np.linalg.cond(scaled_stiffness))
     if not condition < LARGEST_SLAVE_CONDITION:
@@ -146,6 +153,8 @@ def static_transformation(
             f"slave stiffness {condition:.1e}, allowed below {LARGEST_SLAVE_CONDITION:.0e}; choose at least "
             "two masters, spread along the shaft"
         )
+    if linalg.eigvalsh(0.5 * (scaled_stiffness + scaled_stiffness.T), subset_by_index=[0, 0])[0] <= 0.0:
+        raise ValueError(BUCKLED.format(masters=list(masters)))
     coupling = scale[:, None] * stiffness[np.ix_(slave, master)]
 
     # x_s = -K_ss^-1 K_sm x_m

@@ -6,6 +6,7 @@ import numpy as np
 
 from .film import FOIL, NODES, PRESSURE, STATIONS, film_geometry
 from .kernels import RATES, kernel
+from .lanes import borrowed
 from .rates import BEARINGS, bearing_views, film_workspace, journal_coordinates
 
 # The value of bearing b lies at quantity * BEARINGS + b; largest values are negated, so that all are minima.
@@ -20,6 +21,8 @@ def machine_extremes(phase, state, parameters, constants, layout, work, out):  #
     Lengths are in units of the clearance, pressures in units of the ambient pressure; largest values are
     negated.
     """
+    state, parameters, constants = borrowed(state), borrowed(parameters), borrowed(constants)
+    layout, work, out = borrowed(layout), borrowed(work), borrowed(out)
     for bearing in range(BEARINGS):
         integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
         nodes, rows = integers[NODES], integers[NODES] * integers[STATIONS]

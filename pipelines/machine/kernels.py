@@ -15,19 +15,27 @@ FACTORISE  fills ``factors`` (zeros before the first call) at a state; arguments
 SOLVE      replaces b by x in ``lanes``, a flat array with LANES columns row by row; arguments ``factors,
            constants, layout, work, lanes``
 
-Decorate with ``@kernel(RATES)``: the explicit signature makes the compilation eager and the function usable
-as a first-class value of type ``RATES_POINTER`` in another compiled function, which is then cached as well.
+Decorate with ``@kernel(RATES)``: the explicit signature makes the compilation eager and gives the function
+one address.  A compiled loop takes the functions that it calls as addresses of the type ENTRY, and is then
+cached as well:
+
+    loop(entry_point(system.rates, RATES), ...)         # in Python
+    rates = as_rates(rates)                             # in the loop
+
+Numba would accept the functions themselves, but looks up their addresses anew in every call, 0.1 ms each.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic, is_jitted, overload, register_jitable
 
 from .lanes import PLAIN
 
@@ -39,10 +47,7 @@ RATES = types.void(types.float64, _VECTOR, _VECTOR, _VECTOR, _LAYOUT, _VECTOR, _
 TANGENT = types.void(types.float64, _VECTOR, _MATRIX, _VECTOR, _VECTOR, _LAYOUT, _VECTOR, _MATRIX)
 FACTORISE = types.void(types.float64, _VECTOR, _VECTOR, types.float64, _VECTOR, _LAYOUT, _VECTOR, _VECTOR)
 SOLVE = types.void(_VECTOR, _VECTOR, _LAYOUT, _VECTOR, _VECTOR)
-RATES_POINTER = types.FunctionType(RATES)
-TANGENT_POINTER = types.FunctionType(TANGENT)
-FACTORISE_POINTER = types.FunctionType(FACTORISE)
-SOLVE_POINTER = types.FunctionType(SOLVE)
+ENTRY = types.intp
 
 _PACKAGES = tuple(Path(__file__).parents[1] / name for name in ("machine", "orbits"))
 
@@ -82,3 +87,59 @@ def source_digest() -> str:
         if b"kernel" in content or b"numba" in content:
             digest.update(content)
     return digest.hexdigest()
+
+
+def entry_point(function: Callable[..., None], signature: Any) -> Any:
+    """The address of a compiled function's machine code; a function of Python stands for itself.
+
+    Valid in this process, as long as ``function`` lives. Raises numba's TypingError for a compiled function
+    of another signature.
+    """
+    return _address(function, signature) if is_jitted(function) else function
+
+
+@lru_cache(256)
+def _address(function: Any, signature: Any) -> int:
+    compiled = function.get_compile_result(signature)
+    address: int = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+    return address
+
+
+_operation: Any = intrinsic  # numba's annotation counts the typing context among the arguments of a call
+
+
+def _function_at(signature: Any) -> Callable[..., Any]:
+    """A function that makes an address a first-class function of this signature, in compiled loops."""
+    kind = types.FunctionType(signature)
+
+    @_operation
+    def convert(typing, entry):  # type: ignore[no-untyped-def]
+        def generate(context, builder, _, arguments):  # type: ignore[no-untyped-def]
+            function = cgutils.create_struct_proxy(kind)(context, builder)
+            function.jit_addr = builder.inttoptr(arguments[0], cgutils.voidptr_t)
+            function.c_addr = function.py_addr = cgutils.voidptr_t(None)
+            return function._getvalue()
+
+        return kind(ENTRY), generate
+
+    def at(entry: Any) -> Any:
+        return entry
+
+    @overload(at)  # type: ignore[untyped-decorator]
+    def _(entry):  # type: ignore[no-untyped-def]
+        return lambda entry: convert(entry)
+
+    return at
+
+
+as_rates, as_tangent, as_factorise, as_solve = map(_function_at, (RATES, TANGENT, FACTORISE, SOLVE))
+
+
+@register_jitable  # type: ignore[untyped-decorator]
+def assign(out: Any, values: Any) -> None:
+    """out[:] = values, for vectors of equal length.
+
+    Numba's own assignment compiles the message of its error too, for a tenth of a second in every kernel.
+    """
+    for i in range(out.shape[0]):
+        out[i] = values[i]

@@ -4,6 +4,8 @@
     add_lanes         out <- out + a row times a factor
     accumulate_lanes  out <- base + sum of equally spaced rows times factors
 
+and ``borrowed``, an array whose views are not reference-counted: counting would take half of the films' time.
+
 numba does not vectorise such short loops. ``vector_lanes`` generates the vector instructions, through
 interfaces of numba and llvmlite that may change with any version. Where they have changed, or with
 AGFB_PLAIN_LANES=1 in the environment, the loops of ``plain_lanes`` give the same numbers to rounding and take
@@ -20,7 +22,7 @@ from numba import errors
 from . import plain_lanes
 from .plain_lanes import LANES
 
-__all__ = ["LANES", "PLAIN", "accumulate_lanes", "add_lanes", "set_lanes"]
+__all__ = ["LANES", "PLAIN", "accumulate_lanes", "add_lanes", "borrowed", "set_lanes"]
 
 
 def chosen() -> ModuleType:
@@ -37,3 +39,4 @@ def chosen() -> ModuleType:
 _SUMS = chosen()
 PLAIN = _SUMS is plain_lanes
 set_lanes, add_lanes, accumulate_lanes = _SUMS.set_lanes, _SUMS.add_lanes, _SUMS.accumulate_lanes
+borrowed = _SUMS.borrowed

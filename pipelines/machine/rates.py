@@ -18,8 +18,8 @@ Integers and constants of the machine, with n = ROTOR_SIZE (see ``film`` for tho
 ``machine_tangent`` treats a block in chunks of LANES columns, each copied into one flat array. The rows of a
 chunk are, for one bearing,
 
-    | pressures        | foil  | dX, dY, dX', dY' | dh        | d(dh/dtau) |
-      stations * nodes   nodes   4                  nodes + 2   nodes
+    | pressures        | foil  | dX, dY, dX', dY' | dh                | d(dh/dtau) |
+      stations * nodes   nodes   4                  nodes + 2 reach     nodes
 """
 
 from __future__ import annotations
@@ -27,23 +27,19 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .film import (
-    AFTER,
-    BEFORE,
     FILM_INTEGERS,
     FILM_SCALARS,
     FILM_SCRATCH,
     FOIL,
-    HERE,
     NODES,
     PERIODIC,
     PRESSURE,
+    REACH,
     SPEED,
     STATIONS,
-    THICKNESS_AFTER,
-    THICKNESS_BEFORE,
-    THICKNESS_HERE,
     THICKNESS_RATE,
     film_derivatives,
     film_geometry,
@@ -51,10 +47,13 @@ from .film import (
     film_rates,
     foil_coefficients,
     pad_pressure,
+    padded_nodes,
+    scratch_length,
+    term_rows,
 )
 from .film_force import FORCE_SCRATCH, film_force
 from .kernels import RATES, TANGENT, kernel
-from .lanes import LANES, accumulate_lanes, add_lanes, set_lanes
+from .lanes import LANES, accumulate_lanes, add_lanes, borrowed, set_lanes
 
 # Integers of the machine.
 ROTOR_STATE, ROTOR_SIZE, ROTOR_CONSTANTS, JOURNAL, FILM_CONSTANTS = 0, 1, 2, 3, 5
@@ -83,17 +82,17 @@ def journal_coordinates(bearing, state, clearance, layout):
 
 @kernel()
 def film_workspace(integers, work):
-    """Thickness (nodes + 2), its rate (nodes), padded pressures, scratch of the film and of the force."""
-    padded = integers[NODES] + 2
-    a = 2 * padded
+    """Padded thickness, its rate (nodes), padded pressures, scratch of the film and of the force."""
+    nodes, padded, length = integers[NODES], padded_nodes(integers), scratch_length(integers)
+    a = padded + nodes
     b = a + integers[STATIONS] * padded
-    c = b + FILM_SCRATCH * padded
+    c = b + FILM_SCRATCH * length
     return (
         work[:padded],
-        work[padded : a - 2],
+        work[padded:a],
         work[a:b],
-        work[b:c].reshape(FILM_SCRATCH, padded),
-        work[c : c + FORCE_SCRATCH * padded].reshape(FORCE_SCRATCH, padded),
+        work[b:c].reshape(FILM_SCRATCH, length),
+        work[c : c + FORCE_SCRATCH * (nodes + 2)].reshape(FORCE_SCRATCH, nodes + 2),
     )
 
 
@@ -133,6 +132,8 @@ def rotor_views(constants, layout):
 @kernel(RATES)
 def machine_rates(phase, state, parameters, constants, layout, work, out):
     """ds/dtau of the whole machine (Eq. 16)."""
+    state, parameters, constants = borrowed(state), borrowed(parameters), borrowed(constants)
+    layout, work, out = borrowed(layout), borrowed(work), borrowed(out)
     force = work[:4]
     for bearing in range(BEARINGS):
         x, y = bearing_rates(
@@ -186,7 +187,7 @@ def chunk_rows(integers):
     foil = stations * nodes * w
     journal = foil + nodes * w
     slope = journal + UNSIGNED(4) * w
-    return ChunkRows(foil, journal, slope, slope + (nodes + UNSIGNED(2)) * w)
+    return ChunkRows(foil, journal, slope, slope + UNSIGNED(padded_nodes(integers)) * w)
 
 
 @kernel()
@@ -228,21 +229,21 @@ def foil_lanes(lanes, parameters, integers, scalars, arrays, clearance, out):
     """
     nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
     flexibility, relaxation = foil_coefficients(parameters, integers, scalars)
-    at, scale = film_layout(integers), 1.0 / clearance
+    at, scale, first = film_layout(integers), 1.0 / clearance, UNSIGNED(integers[REACH])
     sines, weights = UNSIGNED(at.sine), arrays[at.weights :]
     foil, journal, slope, slope_rate = chunk_rows(integers)
     x, y, x_rate, y_rate = journal, journal + w, journal + w + w, journal + w + w + w
-    for k in range(nodes + UNSIGNED(2)):
+    for k in range(UNSIGNED(padded_nodes(integers))):
         # dh = -dX cos - dY sin + dq
         cosine, sine = arrays[k] * scale, arrays[sines + k] * scale
         to = slope + k * w
-        if k == 0 or k > nodes:
+        if k < first or k >= nodes + first:
             set_lanes(lanes, to, (-cosine, -sine), lanes, (x, y))
         else:
-            set_lanes(lanes, to, (-cosine, -sine, 1.0), lanes, (x, y, foil + (k - UNSIGNED(1)) * w))
+            set_lanes(lanes, to, (-cosine, -sine, 1.0), lanes, (x, y, foil + (k - first) * w))
     for i in range(nodes):
         # d(dq/dtau) = -r dq + a dp_m,   d(dh/dtau) = d(dq/dtau) - d(dX/dtau) cos - d(dY/dtau) sin
-        cosine, sine = arrays[i + UNSIGNED(1)] * scale, arrays[sines + i + UNSIGNED(1)] * scale
+        cosine, sine = arrays[first + i] * scale, arrays[sines + first + i] * scale
         here, rate = foil + i * w, slope_rate + i * w
         set_lanes(out, here, (-relaxation,), lanes, (here,))
         for j in range(stations):
@@ -250,38 +251,49 @@ def foil_lanes(lanes, parameters, integers, scalars, arrays, clearance, out):
         set_lanes(lanes, rate, (-cosine, -sine), lanes, (x_rate, y_rate))
         add_lanes(lanes, rate, 1.0, out, here)
     if integers[PERIODIC] == 1:
-        last = slope + nodes * w
-        set_lanes(lanes, slope, (1.0,), lanes, (last,))
-        set_lanes(lanes, last + w, (1.0,), lanes, (slope + w,))
+        for k in range(first):
+            set_lanes(lanes, slope + k * w, (1.0,), lanes, (slope + (nodes + k) * w,))
+            set_lanes(lanes, slope + (nodes + first + k) * w, (1.0,), lanes, (slope + (first + k) * w,))
+
+
+@kernel()
+def neighbours(i, distance, nodes):
+    """The nodes ``distance`` before and behind node i, around the film; all are unsigned."""
+    before = i - distance if i >= distance else i + nodes - distance
+    after = i + distance if i + distance < nodes else i + distance - nodes
+    return before, after
 
 
 @kernel(error_model="numpy")
 def film_lanes(lanes, terms, integers, out):
     """Compute the film rows of J @ chunk into ``out``, after ``foil_lanes`` has completed the chunk.
 
-    ``terms`` as in ``film.film_derivatives``.
+    ``terms`` as in ``film.film_derivatives``: those with pressures on a foil edge are zero.
     """
     nodes, stations, w = UNSIGNED(integers[NODES]), UNSIGNED(integers[STATIONS]), UNSIGNED(LANES)
-    one, step = UNSIGNED(1), nodes * w
+    one, reach, step = UNSIGNED(1), UNSIGNED(integers[REACH]), nodes * w
+    at = term_rows(integers[REACH], integers[STATIONS])
+    thickness, pressure, own = UNSIGNED(at.thickness), UNSIGNED(at.pressure), UNSIGNED(at.here)
     _, _, slope, slope_rate = chunk_rows(integers)
-    periodic = integers[PERIODIC] == 1
     for j in range(stations):
         for i in range(nodes):
-            row = j * nodes + i
-            to, dh, rate, station = row * w, slope + i * w, slope_rate + i * w, i * w
-            before, after = terms[BEFORE, row], terms[AFTER, row]
-            left, right = to - w, to + w
-            if i == 0:
-                left, before = to + (nodes - one) * w, before if periodic else 0.0
-            if i == nodes - one:
-                right, after = to - (nodes - one) * w, after if periodic else 0.0
+            row, first, dh, station = j * nodes + i, j * step, slope + (i + reach) * w, i * w
+            to = row * w
+            before, after = neighbours(i, one, nodes)
             factors = (
-                terms[THICKNESS_BEFORE, row], terms[THICKNESS_HERE, row], terms[THICKNESS_AFTER, row],
-                terms[THICKNESS_RATE, row], before, after,
+                terms[THICKNESS_RATE, row], terms[thickness, row], terms[thickness - one, row],
+                terms[thickness + one, row], terms[pressure - one, row], terms[pressure + one, row],
             )  # fmt: skip
-            set_lanes(out, to, factors, lanes, (dh, dh + w, dh + w + w, rate, left, right))
+            sources = (slope_rate + i * w, dh, dh - w, dh + w, first + before * w, first + after * w)
+            set_lanes(out, to, factors, lanes, sources)
+            for k in range(one + one, reach + one):
+                before, after = neighbours(i, k, nodes)
+                add_lanes(out, to, terms[thickness - k, row], lanes, dh - k * w)
+                add_lanes(out, to, terms[thickness + k, row], lanes, dh + k * w)
+                add_lanes(out, to, terms[pressure - k, row], lanes, first + before * w)
+                add_lanes(out, to, terms[pressure + k, row], lanes, first + after * w)
             for other in range(stations):
-                add_lanes(out, to, terms[UNSIGNED(HERE) + other, row], lanes, station + other * step)
+                add_lanes(out, to, terms[own + other, row], lanes, station + other * step)
 
 
 @kernel(error_model="numpy")
@@ -323,16 +335,17 @@ def rotor_tangent(block, speed, constants, layout, out):
 
 
 @kernel()
-def tangent_workspace(nodes, stations, work):
+def tangent_workspace(integers, work):
     """Split scratch space into terms, force gradient, a chunk, its image, rows of the force, and the rest."""
-    rows = nodes * stations
-    a = rows * (HERE + stations)
+    nodes, stations = integers[NODES], integers[STATIONS]
+    rows, terms = nodes * stations, term_rows(integers[REACH], stations).count
+    a = rows * terms
     b = a + rows * 2
-    c = b + (rows + 3 * nodes + 6) * LANES
+    c = b + (rows + 2 * nodes + 4 + padded_nodes(integers)) * LANES
     d = c + (rows + nodes) * LANES
     e = d + 2 * LANES
     return (
-        work[:a].reshape(HERE + stations, rows),
+        work[:a].reshape(terms, rows),
         work[a:b].reshape(2, rows),
         work[b:c],
         work[c:d],
@@ -344,21 +357,27 @@ def tangent_workspace(nodes, stations, work):
 @kernel(TANGENT)
 def machine_tangent(phase, state, block, parameters, constants, layout, work, out):
     """J(phase, state) @ block: linearise both bearings, then treat the block in chunks of columns."""
+    state, block, parameters, constants = (
+        borrowed(state),
+        borrowed(block),
+        borrowed(parameters),
+        borrowed(constants),
+    )
+    layout, work, out = borrowed(layout), borrowed(work), borrowed(out)
     columns, start, size = block.shape[1], layout[ROTOR_STATE], layout[ROTOR_SIZE]
+    two = np.int64(2)  # a literal 2 would be compiled on its own
     rotor_tangent(block, parameters[SPEED], constants, layout, out)
     for bearing in range(BEARINGS):
         integers, scalars, arrays, clearance = bearing_views(bearing, constants, layout)
         unknowns = integers[NODES] * (integers[STATIONS] + 1)
         journal, row = start + layout[JOURNAL + bearing], integers[PRESSURE]
-        terms, gradient, lanes, image, force, scratch = tangent_workspace(
-            integers[NODES], integers[STATIONS], work
-        )
+        terms, gradient, lanes, image, force, scratch = tangent_workspace(integers, work)
         linearise_bearing(phase, state, parameters, bearing, constants, layout, scratch, terms, gradient)
         for first in range(0, columns, LANES):
             width = min(LANES, columns - first)
             gather_lanes(block, first, width, row, unknowns, lanes)
-            gather_lanes(block, first, width, journal, 2, lanes[unknowns * LANES :])
-            gather_lanes(block, first, width, journal + size, 2, lanes[(unknowns + 2) * LANES :])
+            gather_lanes(block, first, width, journal, two, lanes[unknowns * LANES :])
+            gather_lanes(block, first, width, journal + size, two, lanes[(unknowns + 2) * LANES :])
             foil_lanes(lanes, parameters, integers, scalars, arrays, clearance, image)
             film_lanes(lanes, terms, integers, image)
             scatter_lanes(image, first, width, row, unknowns, out)
@@ -366,14 +385,17 @@ def machine_tangent(phase, state, block, parameters, constants, layout, work, ou
             add_force(force, first, width, bearing, constants, layout, out)
 
 
-def film_workspace_size(nodes: int, stations: int) -> int:
+def film_workspace_size(integers: NDArray[np.int64]) -> int:
     """Doubles of ``film_workspace``."""
-    return (2 + stations + FILM_SCRATCH + FORCE_SCRATCH) * (nodes + 2)
+    nodes, padded = int(integers[NODES]), int(padded_nodes(integers))
+    film = (1 + int(integers[STATIONS])) * padded + nodes + FILM_SCRATCH * int(scratch_length(integers))
+    return film + FORCE_SCRATCH * (nodes + 2)
 
 
-def workspace_size(state_size: int, nodes: int, stations: int) -> int:
+def workspace_size(state_size: int, integers: NDArray[np.int64]) -> int:
     """Scratch doubles that ``machine_rates`` and ``machine_tangent`` need for such a bearing."""
-    film = film_workspace_size(nodes, stations)
+    nodes, stations, reach = (int(integers[k]) for k in (NODES, STATIONS, REACH))
     rows = nodes * stations
-    chunk = (2 * rows + 4 * nodes + 8) * LANES
-    return rows * (HERE + stations + 2) + chunk + state_size + film + BEARINGS * 2
+    chunk = (2 * rows + 3 * nodes + 6 + int(padded_nodes(integers))) * LANES
+    terms = rows * (int(term_rows(reach, stations).count) + 2)
+    return terms + chunk + state_size + film_workspace_size(integers) + BEARINGS * 2

@@ -1,4 +1,4 @@
-"""The full finite-element rotor: two-node Timoshenko beam elements, rigid discs, linear supports (Eq. 10).
+"""The full finite-element rotor: Timoshenko beam elements, rigid discs, linear supports (Eq. 10).
 
     M q'' + (C + Omega G) q' + K q = F + F_gravity
 
@@ -6,10 +6,15 @@ Each node has four degrees of freedom, ordered ``x, y, alpha, beta``: two displa
 about x and y. With z along the shaft the cross sections' slopes are ``beta`` in the x-z plane and ``-alpha``
 in the y-z plane, so that a shaft which does not shear has x' = beta and y' = -alpha. The shaft turns from x
 towards y. Everything is SI.
+
+Elements are cylinders or cones; the diameters of a cone are linear in z. Its shape functions are those of the
+cylinder of its middle section, and the matrices integrate the true sections (Genta and Gugliotta, J. Sound
+Vib. 120 (1988) 175).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,23 +22,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from pipelines.case.models import Disc, Material, Rotor, Support
+    from pipelines.case.models import Element, Material, Rotor, Support
+    from pipelines.case.rotor import DiscInertia
 
 FloatArray = NDArray[np.float64]
 
 NODE_FREEDOMS = 4  # x, y, alpha, beta
 
-# Products of two cubics have degree 6: four Gauss points integrate every element matrix exactly.
-_GAUSS_POINTS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
+# Products of two cubics with an area, and of two slopes with a second moment of area, have degree 8 in a
+# cone: five Gauss points integrate every element matrix exactly.
+_GAUSS_POINTS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(5)
+_FRACTIONS = 0.5 * (1.0 + _GAUSS_POINTS)  # of an element's length
 
 
 @dataclass(frozen=True)
 class ElementMatrices:
-    """Mass, gyroscopic (to be multiplied by the rotating speed in rad/s) and stiffness matrix of one part."""
+    """Mass, gyroscopic (to be multiplied by the rotating speed in rad/s) and stiffness matrix of one part.
+
+    ``geometric`` is the stiffness by the axial force, which comes beside the elastic one.
+    """
 
     mass: FloatArray
     gyroscopic: FloatArray
     stiffness: FloatArray
+    geometric: FloatArray
 
 
 @dataclass(frozen=True)
@@ -121,52 +133,91 @@ def _planes(row: FloatArray) -> tuple[FloatArray, FloatArray]:
     return in_x, in_y
 
 
-def element_matrices(
-    length: float, outer_diameter: float, inner_diameter: float, material: Material
-) -> ElementMatrices:
-    """Matrices (8, 8) of a circular Timoshenko element: consistent mass, rotary inertia, gyroscopic effect.
+@dataclass(frozen=True)
+class _Sections:
+    """Sections of an element at the Gauss points: area [m2] and second moment of area [m4], shape (5,).
 
-    Its shear parameter is Phi = 12 E I / (kappa G A L^2). Lengths in m; freedoms x, y, alpha, beta of the
-    left, then of the right node.
+    ``weights`` [m] integrate along the element.
     """
+
+    area: FloatArray
+    second_moment: FloatArray
+    weights: FloatArray
+
+
+def _sections(element: Element) -> _Sections:
+    outer, inner = (
+        left + (right - left) * _FRACTIONS
+        for left, right in zip(
+            (element.outer_diameter, element.inner_diameter), element.right_diameters, strict=True
+        )
+    )
+    return _Sections(*_area_moments(outer, inner), 0.5 * element.length * _GAUSS_WEIGHTS)
+
+
+def _area_moments(outer: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Area and second moment of area of ring sections."""
+    return 0.25 * np.pi * (outer**2 - inner**2), np.pi / 64.0 * (outer**4 - inner**4)
+
+
+def _shear_modulus_and_parameter(element: Element, material: Material) -> tuple[float, float]:
+    """kappa G [Pa] and the shear parameter Phi = 12 E I / (kappa G A L^2), all of the middle section."""
+    right_outer, right_inner = element.right_diameters
+    outer, inner = 0.5 * (element.outer_diameter + right_outer), 0.5 * (element.inner_diameter + right_inner)
+    area, second_moment = _area_moments(np.array(outer), np.array(inner))
     poisson_ratio = material.resolved_poisson_ratio
-    shear_modulus = material.young_modulus / (2.0 * (1.0 + poisson_ratio))
-    area = 0.25 * np.pi * (outer_diameter**2 - inner_diameter**2)
-    second_moment = np.pi / 64.0 * (outer_diameter**4 - inner_diameter**4)
-    shear_coefficient = cowper_shear_coefficient(poisson_ratio, inner_diameter / outer_diameter)
-    shear_stiffness = shear_coefficient * shear_modulus * area
-    bending_stiffness = material.young_modulus * second_moment
-    shear = 12.0 * bending_stiffness / (shear_stiffness * length**2)
+    effective = cowper_shear_coefficient(poisson_ratio, inner / outer)
+    effective *= material.young_modulus / (2.0 * (1.0 + poisson_ratio))
+    shear = 12.0 * material.young_modulus * second_moment / (effective * area * element.length**2)
+    return effective, float(shear)
 
-    weights = 0.5 * length * _GAUSS_WEIGHTS
-    deflection, slope, curvature = _shape_functions(0.5 * (1.0 + _GAUSS_POINTS), length, shear)
-    deflection_x, deflection_y = _planes(deflection)
-    slope_x, slope_y = _planes(slope)
-    curvature_x, curvature_y = _planes(curvature)
-    shear_x, shear_y = _planes(_shear_angle(length, shear))
 
-    def integral(left: FloatArray, right: FloatArray) -> FloatArray:
-        return (left * weights) @ right.T
+def element_matrices(element: Element, material: Material) -> ElementMatrices:
+    """Matrices (8, 8) of one Timoshenko element: consistent mass, rotary inertia, gyroscopic effect.
+
+    Freedoms x, y, alpha, beta of the left, then of the right node. The axial force N adds the stiffness
+    int N w' w' dz with w' = slope + shear angle.
+    """
+    length, young_modulus, density = element.length, material.young_modulus, material.density
+    effective_shear_modulus, shear = _shear_modulus_and_parameter(element, material)
+    sections = _sections(element)
+    deflection, slope, curvature = (_planes(row) for row in _shape_functions(_FRACTIONS, length, shear))
+    shear_angle = _shear_angle(length, shear)[:, np.newaxis]
+    constant_shear = _planes(np.repeat(shear_angle, _FRACTIONS.size, axis=1))
+    tilt = [turned + sheared for turned, sheared in zip(slope, constant_shear, strict=True)]
+
+    def integral(left: FloatArray, right: FloatArray, factor: FloatArray | float) -> FloatArray:
+        return (left * (sections.weights * factor)) @ right.T
+
+    def energy(rows: Sequence[FloatArray], factor: FloatArray | float) -> FloatArray:
+        in_x, in_y = rows
+        return integral(in_x, in_x, factor) + integral(in_y, in_y, factor)
 
     # M = int rho A (x x + y y) + rho I (beta beta + alpha alpha) dz
-    line_mass = material.density * area
-    line_inertia = material.density * second_moment
-    mass = line_mass * (integral(deflection_x, deflection_x) + integral(deflection_y, deflection_y))
-    mass += line_inertia * (integral(slope_x, slope_x) + integral(slope_y, slope_y))
+    line_inertia = density * sections.second_moment
+    mass = energy(deflection, density * sections.area) + energy(slope, line_inertia)
     # G = int 2 rho I (alpha beta - beta alpha) dz, with alpha = -slope_y and beta = slope_x
-    gyroscopic = 2.0 * line_inertia * (integral(slope_x, slope_y) - integral(slope_y, slope_x))
+    gyroscopic = integral(slope[0], slope[1], 2.0 * line_inertia)
     # K = int E I (beta' beta' + alpha' alpha') + kappa G A (gamma_x gamma_x + gamma_y gamma_y) dz
-    stiffness = bending_stiffness * (integral(curvature_x, curvature_x) + integral(curvature_y, curvature_y))
-    stiffness += shear_stiffness * length * (np.outer(shear_x, shear_x) + np.outer(shear_y, shear_y))
-    return ElementMatrices(mass, gyroscopic, stiffness)
+    stiffness = energy(curvature, young_modulus * sections.second_moment)
+    stiffness += energy(constant_shear, effective_shear_modulus * sections.area)
+    return ElementMatrices(mass, gyroscopic - gyroscopic.T, stiffness, energy(tilt, element.axial_force))
 
 
-def disc_matrices(disc: Disc) -> ElementMatrices:
+def weight_shares(element: Element) -> FloatArray:
+    """The parts of an element's weight that its left and right node carry, as a beam on two supports."""
+    sections = _sections(element)
+    line_mass = sections.weights * sections.area
+    right = (line_mass @ _FRACTIONS) / line_mass.sum()
+    return np.array([1.0 - right, right])
+
+
+def disc_matrices(disc: DiscInertia) -> ElementMatrices:
     """Matrices (4, 4) of a rigid disc: mass, diametral inertia, gyroscopic moment Omega I_p."""
-    mass = np.diag([disc.mass, disc.mass, disc.diametral_inertia, disc.diametral_inertia])
+    mass = np.diag([disc.mass, disc.mass, disc.diametral, disc.diametral])
     gyroscopic = np.zeros((NODE_FREEDOMS, NODE_FREEDOMS))
-    gyroscopic[2, 3], gyroscopic[3, 2] = disc.polar_inertia, -disc.polar_inertia
-    return ElementMatrices(mass, gyroscopic, np.zeros_like(gyroscopic))
+    gyroscopic[2, 3], gyroscopic[3, 2] = disc.polar, -disc.polar
+    return ElementMatrices(mass, gyroscopic, np.zeros_like(gyroscopic), np.zeros_like(gyroscopic))
 
 
 def _node_slice(node: int, nodes: int = 1) -> slice:
@@ -186,31 +237,31 @@ def _add_support(support: Support, damping: FloatArray, stiffness: FloatArray) -
 def assemble_rotor(rotor: Rotor) -> RotorMatrices:
     """Assemble Eq. 10 from the case's rotor: elements, discs, Rayleigh damping, supports and gravity.
 
-    Rayleigh damping ``C = a M + b K`` is that of the rotor itself (elements and discs); the supports add
-    their own stiffness and damping afterwards. The weight of an element is shared equally by its two nodes.
+    Rayleigh damping ``C = a M + b K`` is that of the rotor's material (elements and discs): neither the
+    stiffness by axial forces nor the supports, which add their own damping, enter K there. The weight of an
+    element is shared by its two nodes (``weight_shares``).
     """
     position = np.array(rotor.node_positions())
     size = NODE_FREEDOMS * position.size
-    mass, gyroscopic, stiffness = (np.zeros((size, size)) for _ in range(3))
+    mass, gyroscopic, stiffness, geometric = (np.zeros((size, size)) for _ in range(4))
     node_mass = np.zeros(position.size)
+
+    def add(part: ElementMatrices, place: slice) -> None:
+        mass[place, place] += part.mass
+        gyroscopic[place, place] += part.gyroscopic
+        stiffness[place, place] += part.stiffness
+        geometric[place, place] += part.geometric
 
     for node, element in enumerate(rotor.single_elements()):
         material = rotor.materials[element.material]
-        part = element_matrices(element.length, element.outer_diameter, element.inner_diameter, material)
-        both = _node_slice(node, 2)
-        mass[both, both] += part.mass
-        gyroscopic[both, both] += part.gyroscopic
-        stiffness[both, both] += part.stiffness
-        area = 0.25 * np.pi * (element.outer_diameter**2 - element.inner_diameter**2)
-        node_mass[node : node + 2] += 0.5 * material.density * area * element.length
-    for disc in rotor.discs:
-        part = disc_matrices(disc)
-        at_node = _node_slice(disc.node)
-        mass[at_node, at_node] += part.mass
-        gyroscopic[at_node, at_node] += part.gyroscopic
-        node_mass[disc.node] += disc.mass
+        add(element_matrices(element, material), _node_slice(node, 2))
+        node_mass[node : node + 2] += material.density * element.volume * weight_shares(element)
+    for disc, inertia in zip(rotor.discs, rotor.disc_inertias, strict=True):
+        add(disc_matrices(inertia), _node_slice(disc.node))
+        node_mass[disc.node] += inertia.mass
 
     damping = rotor.rayleigh_mass * mass + rotor.rayleigh_stiffness * stiffness
+    stiffness += geometric
     for support in rotor.supports:
         _add_support(support, damping, stiffness)
     gravity_load = np.zeros(size)

@@ -1,4 +1,4 @@
-"""The sums of ``lanes`` in vector registers.
+"""The sums of ``lanes`` in vector registers, and arrays without reference counts.
 
 The compiler unrolls a loop over so few values before it would vectorise it, and the sum becomes scalar.  This
 module generates the vector instructions itself; multiplications and additions may be fused.  Its import fails
@@ -77,7 +77,7 @@ def add_lanes(typing, out, to, factor, lanes, source):  # type: ignore[no-untype
     return types.void(out, types.uint64, types.float64, lanes, types.uint64), generate
 
 
-_UNROLLED = (2, 3, 4)  # numbers of terms of the sums that take most of the time
+_UNROLLED = (2, 3, 4, 6, 8, 9, 12)  # numbers of terms of the sums that take most of the time
 
 
 @_operation
@@ -131,10 +131,23 @@ def accumulate_lanes(typing, out, to, base, start, factors, first, lanes, source
     return types.void(out, at, base, at, factors, at, lanes, at, at, at), generate
 
 
+@_operation
+def borrowed(typing, array):  # type: ignore[no-untyped-def]
+    """The same array without its reference count, and so are all its views; the caller keeps it alive."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        view = context.make_array(signature.args[0])(context, builder, arguments[0])
+        view.meminfo = cgutils.get_null_value(view.meminfo.type)
+        view.parent = cgutils.get_null_value(view.parent.type)
+        return view._getvalue()
+
+    return array(array), generate
+
+
 @njit(types.void(types.float64[::1]), cache=True)
-def _take_all(values):  # type: ignore[no-untyped-def]
-    """Compile every sum at the import, which then fails in place of a later compilation of a kernel."""
-    zero = np.uint64(0)
+def _take_all(owned):  # type: ignore[no-untyped-def]
+    """Compile everything at the import, which then fails in place of a later compilation of a kernel."""
+    zero, values = np.uint64(0), borrowed(owned)
     set_lanes(values, zero, (1.0,), values, (zero,))
     add_lanes(values, zero, 1.0, values, zero)
     accumulate_lanes(values, zero, values, zero, values, zero, values, zero, zero, zero)

@@ -9,6 +9,7 @@
 - floquet: multipliers from the slow invariant subspace
 - shooting: Newton-Picard shooting for cycles
 - time_steps: number of time steps per period, and the error that they leave
+- harmonic_balance, forced_cycle: cycles without a cycle beside them; their leading multipliers
 - hopf_start, machine_cycles: the first cycle beside a Hopf point; the machine as a system, and the shape of
   its cycles
 - equilibria: `equilibrium`, `linear` (coefficients, eigenvalues), `modes`, `campbell`, `critical_speeds`

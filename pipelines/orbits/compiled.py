@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import is_jitted
 
+from pipelines.machine.inverse import invert
 from pipelines.machine.kernels import FACTORISE, RATES, SOLVE, TANGENT, kernel
 from pipelines.machine.lanes import LANES
 from pipelines.orbits.system import DynamicalSystem, Matrix, ShiftedSolver, Vector
@@ -73,40 +74,9 @@ def dense_shifted(tangent: Any, size: int) -> ShiftedSolver:
         for i in range(size):
             for j in range(size):
                 jacobian[i, j] = identity[i, j] - shift * jacobian[i, j]
-        _invert(jacobian, factors.reshape((size, size)))
+        invert(jacobian, factors.reshape((size, size)))
 
     return ShiftedSolver(factorise, _solve_dense, size * size)
-
-
-# compiling numpy's own inverse and product takes twelve seconds; these are cached
-@kernel(types.void(_MATRIX, _MATRIX), error_model="numpy")
-def _invert(matrix, out):  # type: ignore[no-untyped-def]
-    """out = matrix^-1 by Gauss-Jordan elimination with row pivots; ``matrix`` is lost."""
-    size = matrix.shape[0]
-    out[:] = 0.0
-    for i in range(size):
-        out[i, i] = 1.0
-    for k in range(size):
-        pivot = k
-        for i in range(k + 1, size):
-            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
-                pivot = i
-        for j in range(size):
-            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
-            out[k, j], out[pivot, j] = out[pivot, j], out[k, j]
-        if not np.isfinite(matrix[k, k]):
-            out[:] = np.nan
-            return
-        scale = 1.0 / matrix[k, k]
-        for j in range(size):
-            matrix[k, j] *= scale
-            out[k, j] *= scale
-        for i in range(size):
-            factor = matrix[i, k]
-            if i != k and factor != 0.0:
-                for j in range(size):
-                    matrix[i, j] -= factor * matrix[k, j]
-                    out[i, j] -= factor * out[k, j]
 
 
 @kernel(SOLVE)

@@ -20,7 +20,7 @@ def machine_system(machine: Machine, forced: bool = True) -> DynamicalSystem:
 
     ``forced=False`` leaves the period unknown (rings at rest, self-excited whirl).
     """
-    grids = [(bearing.settings.nodes, bearing.settings.axial) for bearing in machine.bearings]
+    integers = [bearing.integers for bearing in machine.bearings]
     return DynamicalSystem(
         size=machine.size,
         rates=machine_rates,
@@ -30,7 +30,9 @@ def machine_system(machine: Machine, forced: bool = True) -> DynamicalSystem:
         constants=machine.constants,
         layout=machine.layout,
         work_size=machine.work_size,
-        shifted=ShiftedSolver(machine_factorise, machine_solve, factors_size(machine.rotor_freedoms, grids)),
+        shifted=ShiftedSolver(
+            machine_factorise, machine_solve, factors_size(machine.rotor_freedoms, integers)
+        ),
     )
 
 

@@ -19,6 +19,7 @@ Newton's.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -43,6 +44,8 @@ _SPARE = 10.0  # tolerance, in residuals that rounding leaves
 _DIGITS = 1e-14  # change of a residual by rounding, at least
 _NOISE = 1e3  # residual that may be rounding, in changes of it by a nudge: errors of stages and sums add up
 _STAGNANT = 0.1  # reduction of the residual in the last iteration that is none
+_REFINEMENTS = 2  # of a solution of the bordered system, which each make a hundred times sharper
+_NO_INFLUENCE = 0.1  # share of the tolerance below which they are not needed
 _DIVERGENCE = 1e3  # growth of the residual over its smallest value that no Newton iteration recovers from
 
 
@@ -258,20 +261,55 @@ def correct(
             return ended(NewtonStop.NON_FINITE)
         residuals.append(max(problem.period_map.residual(unknowns.state, image), constraint.error(unknowns)))
         if residuals[-1] <= options.tolerance:
-            cycle = _with_converged_multipliers(problem, unknowns, basis, image, reference, residuals[-1])
+            cycle = with_converged_multipliers(problem, unknowns, basis, image, reference, residuals[-1])
             return ended(NewtonStop.CONVERGED, replace(cycle, linear=linear))
         if residuals[-1] > _DIVERGENCE * min(residuals):
             return given_up(NewtonStop.DIVERGED)
         if len(updates) == options.iterations:
             return given_up(NewtonStop.ITERATIONS)
         linear = _linearise(problem, basis, image, reference)
-        image = linear.image  # frees the factors before the next pass makes its own
-        update = _solve_bordered(problem, linear, constraint.row, constraint.gap(unknowns), image.phase)
+        update = _newton_step(problem, linear, image, constraint, unknowns, reference)
         if update is None:
             return ended(NewtonStop.SINGULAR)
+        image = linear.image  # frees the factors before the next pass makes its own
         unknowns = problem.consistent(unknowns.plus(update))
         updates.append(_update_norm(problem, update, unknowns, image))
         basis = _next_basis(image.columns)
+
+
+def _newton_step(
+    problem: CycleProblem,
+    linear: Linearisation,
+    passed: PeriodImage,
+    constraint: Constraint[Unknowns],
+    unknowns: Unknowns,
+    reference: PhaseReference | None,
+) -> Unknowns | None:
+    """The update of the bordered system, corrected for what V is not invariant; None if it is singular.
+
+    What the update leaves of the linearised equations is known from the images of V and of the Picard part.
+    Its image costs one column along the orbit that was ``passed``, and the same system solves for the rest.
+    """
+    options, row, gap = problem.options, constraint.row, constraint.gap(unknowns)
+    size = problem.period_map.scale(passed.orbit) * math.sqrt(len(unknowns.state))
+    share = float(np.linalg.norm(linear.residual)) / size
+    # what second derivatives leave is no smaller
+    enough = size * max(_NO_INFLUENCE * options.tolerance, share * share)
+    total, phase = None, passed.phase
+    for refinement in range(_REFINEMENTS + 1):
+        solution = _solve_bordered(problem, linear, row, gap, phase)
+        if solution is None:
+            return None
+        update = _as_unknowns(problem, linear, solution, 1.0)
+        total = update if total is None else total.plus(update)
+        left, phase = _left_over(linear, solution, update, phase)
+        whole = linear.basis.shape[0] == linear.basis.shape[1]
+        if whole or refinement == _REFINEMENTS or float(np.linalg.norm(left)) <= enough:
+            break
+        rest = left - linear.basis @ (linear.basis.T @ left)
+        passed = problem.period_map.with_columns(passed, rest[:, None], reference)
+        linear, gap = _with_residual(linear, left, rest, passed), gap + row.dot(update)
+    return total
 
 
 def is_rounding(
@@ -310,8 +348,11 @@ def tangent_at(
             linear = None
     if linear is None:
         linear = _linearise(problem, basis, exact, reference)
-    direction = _solve_bordered(problem, linear, row, -1.0, 0.0)
-    if direction is None or problem.period_map.autonomous:
+    solution = _solve_bordered(problem, linear, row, -1.0, 0.0)
+    if solution is None:
+        return None
+    direction = _as_unknowns(problem, linear, solution, 1.0)
+    if problem.period_map.autonomous:
         return direction
     parameters = problem.parameters_at(unknowns.parameter)
     slope = problem.period_map.parameter_column(problem.index, parameters).period_rate
@@ -430,8 +471,8 @@ def _linearise(
 
 def _solve_bordered(
     problem: CycleProblem, linear: Linearisation, row: Unknowns, gap: float, phase: float
-) -> Unknowns | None:
-    """The update (ds, dT, dl) of the small bordered system in this module's docstring."""
+) -> Vector | None:
+    """The solution (a, dl[, dT]) of the small bordered system in this module's docstring."""
     columns = linear.basis.shape[1]
     matrix, right = _cycle_rows(problem, linear, phase)
     # row_s (V a + q) + row_l dl + row_T dT = -gap
@@ -440,8 +481,31 @@ def _solve_bordered(
     closing = np.concatenate([row.state @ linear.basis, direct])
     matrix = np.insert(matrix, columns, closing, axis=0)
     right = np.insert(right, columns, -gap - row_picard[0])
-    solution = solve_or_none(matrix, right)
-    return None if solution is None else _as_unknowns(problem, linear, solution, 1.0)
+    return solve_or_none(matrix, right)
+
+
+def _left_over(
+    linear: Linearisation, solution: Vector, update: Unknowns, phase: float
+) -> tuple[Vector, float]:
+    """What a solution leaves of the linearised equations r + (M - I) ds + phi_l dl + phi_T dT and F + dF."""
+    columns = linear.basis.shape[1]
+    inside, weights = solution[:columns], np.concatenate([[1.0], solution[columns:]])
+    image = linear.image.columns @ inside + (linear.sources + linear.picard_image) @ weights
+    phases = linear.image.phase_columns @ inside + linear.picard_phase @ weights
+    return image - update.state, phase + float(phases + linear.image.phase_inhomogeneous @ weights[1:])
+
+
+def _with_residual(
+    linear: Linearisation, residual: Vector, rest: Vector, passed: PeriodImage
+) -> Linearisation:
+    """The linearisation with another residual, its Picard part ``rest`` and the pass of that."""
+    sources, picard, image = linear.sources.copy(), linear.picard.copy(), linear.picard_image.copy()
+    phase = linear.picard_phase.copy()
+    sources[:, 0], picard[:, 0] = residual, rest
+    image[:, 0], phase[0] = passed.columns[:, 0], passed.phase_columns[0]
+    return replace(
+        linear, residual=residual, sources=sources, picard=picard, picard_image=image, picard_phase=phase
+    )
 
 
 def _cycle_rows(problem: CycleProblem, linear: Linearisation, phase: float) -> tuple[Matrix, Vector]:
@@ -473,7 +537,7 @@ def _next_basis(image: Matrix) -> Matrix:
     return np.eye(image.shape[0]) if image.shape[0] == image.shape[1] else orthonormal(image)
 
 
-def _with_converged_multipliers(
+def with_converged_multipliers(
     problem: CycleProblem,
     unknowns: Unknowns,
     basis: Matrix,

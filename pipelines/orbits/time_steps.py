@@ -10,7 +10,9 @@ A clipped film whose pressure touches the ambient line without a slope is not sm
 leaves depends on where the steps fall: no coarser pass tells.  So a pass with r n steps, r = 3/2, must find
 the same error,
 
-    |mu_n - mu| = |mu_n - mu_{rn}| / (1 - r^-p)
+    |mu_n - mu| = |mu_n - mu_{rn}| / (1 - r^-p),
+
+unless a neighbour with as many steps has been told nearly that error already.
 
 Where it does not, the larger of the two is the likely error, from which the steps follow, and that of first
 order, p = 1 in the last line, bounds it and is told.  Where more steps change the multipliers far less than
@@ -26,6 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from pipelines.machine.lanes import LANES
 from pipelines.orbits.period_map import OrbitStart, PeriodImage, PeriodMap
 from pipelines.orbits.shooting import Cycle, CycleProblem, NewtonStop, ShootingOptions, Unknowns
 from pipelines.orbits.steppers import ImplicitStepper, Stepper
@@ -45,8 +48,10 @@ _MARGIN = 1.1  # steps beyond the need
 _REDUCE_BELOW = 0.7  # share of the steps in use below which fewer are taken
 _FINER = 1.5  # r
 _AGREE = 0.1  # relative difference of two estimates of the same error
+_NEAR = 0.2  # likewise, of the error at a neighbour; the bound at one with a kink is farther from it
 _CONTRADICT = 2.0  # ratio of two changes of the multipliers that no convergence explains
 _BOUND = 3.0  # bound of a likely error in units of it
+_SEPARATE = 0.99  # ratio of the moduli of two multipliers above which they may be a pair
 _ROUNDING = 1e-12  # change of a multiplier that tells nothing
 
 _Mapped = Callable[[Matrix, int], Matrix | None]  # M block with a number of steps; None where they diverge
@@ -153,13 +158,19 @@ def spectral_radius(period_map: PeriodMap, orbit: Matrix, parameters: Vector) ->
     return radius
 
 
-def required_steps(problem: CycleProblem, cycle: Cycle) -> RequiredSteps:
-    """The steps that a corrected cycle asks for."""
-    return required_steps_at(problem.period_map, problem.options, cycle.basis, cycle.image)
+def required_steps(
+    problem: CycleProblem, cycle: Cycle, neighbour: RequiredSteps | None = None
+) -> RequiredSteps:
+    """The steps that a corrected cycle asks for; ``neighbour``: the steps of one nearby, and their error."""
+    return required_steps_at(problem.period_map, problem.options, cycle.basis, cycle.image, neighbour)
 
 
 def required_steps_at(
-    period_map: PeriodMap, options: ShootingOptions, basis: Matrix, image: PeriodImage
+    period_map: PeriodMap,
+    options: ShootingOptions,
+    basis: Matrix,
+    image: PeriodImage,
+    neighbour: RequiredSteps | None = None,
 ) -> RequiredSteps:
     """The same from the pass of a periodic state, whose columns begin with ``basis``."""
     start, stable = image.start, 0
@@ -180,12 +191,37 @@ def required_steps_at(
     if math.isinf(halved):
         required, error = max(steps, min(2 * steps, _STEP_CAP * period_map.period_multiple)), math.nan
     else:
-        refined = _cheap_change(mapped, basis, projected, finer, options.checked_modulus)
-        likely, error = _errors(period_map.stepper.order, (steps / half, halved), (finer / steps, refined))
+        likely = error = _smooth_error(period_map.stepper.order, steps / half, halved)
+        if neighbour is None or neighbour.steps != steps or not _near(error, neighbour.error):
+            refined = _cheap_change(mapped, basis, projected, finer, options.checked_modulus)
+            likely, error = _errors(
+                period_map.stepper.order, (steps / half, halved), (finer / steps, refined)
+            )
         required = _steps_for_error(period_map, options, steps, likely) if math.isfinite(likely) else steps
     if period_map.steps_per_period is not None:
         return RequiredSteps(steps, error)
     return RequiredSteps(max(required, stable), error)
+
+
+def halved_change(problem: CycleProblem, cycle: Cycle) -> float:
+    """Largest change of a cycle's leading multipliers with half the time steps; infinite if those diverge.
+
+    Of as many multipliers as fit into one chunk of columns, where they do not form a larger cluster: it costs
+    little more than the orbit.
+    """
+    period_map, start = problem.period_map, cycle.image.start
+    moduli = np.append(np.abs(cycle.spectrum.multipliers), 0.0)
+    # the last gap that leaves so few: a pair must not be divided
+    gaps = [k for k in range(1, len(moduli)) if moduli[k] < _SEPARATE * moduli[k - 1]] or [1]
+    last = max((k for k in gaps if k <= LANES), default=gaps[0])
+    least = 0.5 * (moduli[last - 1] + moduli[last])
+    half = period_map.rounded_steps(max(1, start.steps // 2))
+
+    def mapped(block: Matrix, count: int) -> Matrix | None:
+        passed = period_map.evaluate(*start._replace(steps=count), block)
+        return passed.columns if passed.finite else None
+
+    return _cheap_change(mapped, cycle.basis, cycle.basis.T @ cycle.image.columns, half, float(least))
 
 
 def _errors(order: int, coarser: tuple[float, float], finer: tuple[float, float]) -> tuple[float, float]:
@@ -198,11 +234,21 @@ def _errors(order: int, coarser: tuple[float, float], finer: tuple[float, float]
     same, bound = refined / (1.0 - more**-order), refined / (1.0 - 1.0 / more)
     if math.isnan(halved):
         return same, bound if math.isfinite(bound) else math.nan
-    smooth = halved / (fewer**order - 1.0)
+    smooth = _smooth_error(order, fewer, halved)
     if abs(smooth - same) <= _AGREE * max(smooth, same) or max(halved, refined) <= _ROUNDING:
         return smooth, smooth
     contradict = refined > _CONTRADICT * halved or _CONTRADICT * same < smooth
     return max(smooth, same), math.nan if contradict else bound
+
+
+def _smooth_error(order: int, fewer: float, halved: float) -> float:
+    """The error that a change of the multipliers with ``fewer`` times less steps tells; NaN without one."""
+    return math.nan if math.isnan(halved) else halved / (fewer**order - 1.0)
+
+
+def _near(error: float, known: float) -> bool:
+    """Whether an error is nearly one that is known; False where one of them is NaN."""
+    return abs(error - known) <= _NEAR * max(error, known)
 
 
 def _change(mapped: _Mapped, basis: Matrix, projected: Matrix, steps: int, modulus: float) -> float:

@@ -2,12 +2,14 @@
 
 - results: progress reports and result of a stage
 - job: a case with its machine and its store
+- parts: what of a stage may be computed side by side
 - parameter_columns: parameters of a solution as columns, and back
 - step_errors: points whose time-step error is unknown
 - ending: the reason why a branch or curve ended, and whether it is a success
-- linear: `agfb linearize` and `agfb criticals`
+- linear: `agfb linearize`, `agfb criticals` and `agfb unbalance-response`
 - cycles: `agfb continue-cycles`: branches of cycles
 - curves: `agfb track-pd`, `track-ns`, `track-folds`, and the search of `agfb run` for the whole set
+- survey: `agfb survey`: stability over a grid of the plane
 - transients: `agfb transient`: transients and their analysis
 - tori: `agfb continue-tori`: branches of tori
 - refinement: `--refine`: discretisation errors of bifurcations

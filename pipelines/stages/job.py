@@ -11,6 +11,7 @@ import numpy as np
 
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.datasets.errors import CorruptedError
 from pipelines.datasets.reading import list_groups, metadata_stamp, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, case_group, local_name, open_for_writing
@@ -22,7 +23,7 @@ from pipelines.stages.results import Progress, Report, ShouldStop
 
 @dataclass(frozen=True)
 class Job:
-    """One stage on one case; `stage` is the command named in progress reports."""
+    """One stage on one case, or one `part` of it; `stage` is the command named in progress reports."""
 
     stage: str
     case_id: str
@@ -31,6 +32,7 @@ class Job:
     store: Store
     report: Report
     should_stop: ShouldStop
+    part: str = ""
     _read: dict[tuple[str, tuple[str, ...] | None], tuple[object, Group]] = field(
         default_factory=dict, repr=False, compare=False
     )
@@ -46,7 +48,7 @@ class Job:
 
     def report_progress(self, done: int, total: int | None, message: str) -> None:
         """Report how much is done."""
-        self.report(Progress(self.stage, self.case_id, done, total, message))
+        self.report(Progress(self.stage, self.case_id, done, total, message, self.part))
 
     def path(self, group: str) -> str:
         """Full name of one of the case's groups: cycles/b000 -> cases/kb10/cycles/b000."""
@@ -63,7 +65,11 @@ class Job:
 
     def groups(self, *containers: str) -> list[str]:
         """The case's groups within containers such as cycles, pd or ns, sorted by name."""
-        known = (local_name(name) for name in list_groups(self.store, self.case_id))
+        try:
+            found = list_groups(self.store, self.case_id)
+        except (CorruptedError, FileNotFoundError):
+            found = list_groups(self.store, self.case_id)  # another process has moved a group meanwhile
+        known = map(local_name, found)
         return [name for name in known if name.split("/")[0] in containers]
 
 

@@ -16,7 +16,8 @@ class Progress:
 
     `done` of `total` units are finished; `total` is None when it cannot be known, and an upper bound where a
     branch may end earlier. `message` says in a few words what the numbers cannot, for instance the parameter
-    value just reached.
+    value just reached. ``part`` is the group that is being written where several parts of the stage are
+    computed side by side.
     """
 
     stage: str
@@ -24,6 +25,7 @@ class Progress:
     done: int
     total: int | None = None
     message: str = ""
+    part: str = ""
 
 
 @dataclass(frozen=True)

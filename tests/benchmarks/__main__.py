@@ -18,8 +18,10 @@ from tests.benchmarks.cycles import branch_point, full_monodromy, further_column
 from tests.benchmarks.instability import backward_error
 from tests.benchmarks.measuring import Measurement, markdown_table, recorded_values, write_json
 from tests.benchmarks.memory import peak_memory
+from tests.benchmarks.passes import passes_per_point
 from tests.benchmarks.settings import FULL, QUICK, Settings
 from tests.benchmarks.steppers import stepper_ratios
+from tests.benchmarks.surveys import survey_cell
 from tests.benchmarks.transients import transient_steps
 
 ENTRIES: dict[str, Callable[[Settings], list[Measurement]]] = {
@@ -31,6 +33,8 @@ ENTRIES: dict[str, Callable[[Settings], list[Measurement]]] = {
     "backward_error_ratio": backward_error,
     "growth_exponent": growth,
     "curve_point_ratio": curve_point,
+    "survey_cell_ratio": survey_cell,
+    "passes_per_point": passes_per_point,
     "transient_steps_ratio": transient_steps,
     "commit_ratio": commits,
     "campaign_ratio": campaign,

@@ -22,19 +22,21 @@ from tests.machines import case
 _SHIFT = 0.03  # about that of esdirk5 with fifty steps a period; the work does not depend on it
 
 
-def film_multiply_adds(nodes: int, stations: int, *, periodic: bool) -> int:
+def film_multiply_adds(nodes: int, stations: int, *, periodic: bool, reach: int = 1) -> int:
     """Multiply-adds per column for one bearing."""
     rows, block = nodes * stations, stations**2
-    chain = nodes - 1 if periodic else nodes  # lines of the block tridiagonal part
+    seam = reach if periodic else 0
+    chain = nodes - seam  # lines of the block banded part
+    neighbours = sum(chain - distance for distance in range(1, reach + 1))
     elimination = (
-        (chain - 1) * block  # b_i <- b_i - M_i b_{i-1}
-        + nodes * block  # D_i^-1 b_i
-        + (chain - 1) * block  # (D_i^-1 U_i) x_{i+1}
-        + (2 * chain * block if periodic else 0)  # W_i b_i and T_i x_last
+        neighbours * block  # b_i <- b_i - M_{i,o} b_{i-o}
+        + (chain + seam**2) * block  # D_i^-1 b_i, and the equations of the seam
+        + neighbours * block  # U_{i,o} x_{i+o}
+        + 2 * chain * seam * block  # W_i b_i and T_i x_seam
     )
     return (
         nodes  # b_q / (1 + shift r)
-        + 3 * rows  # what b_q at three angles adds to b
+        + (2 * reach + 1) * rows  # what b_q at neighbouring angles adds to b
         + elimination
         + 2 * rows  # gas force, two directions
         + JOURNAL_COORDINATES * rows  # Z (dX, dY, dX', dY')
@@ -55,8 +57,11 @@ def rotor_multiply_adds(freedoms: int) -> int:
 
 def multiply_adds(machine: Machine) -> int:
     """Multiply-adds of ``machine_solve`` for one column."""
-    films = [bearing.settings for bearing in machine.bearings]
-    of_films = sum(film_multiply_adds(film.nodes, film.axial, periodic=film.periodic) for film in films)
+    films = [(bearing.settings, bearing.reach) for bearing in machine.bearings]
+    of_films = sum(
+        film_multiply_adds(film.nodes, film.axial, periodic=film.periodic, reach=reach)
+        for film, reach in films
+    )
     return of_films + rotor_multiply_adds(machine.rotor_freedoms)
 
 

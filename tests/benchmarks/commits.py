@@ -9,7 +9,8 @@ import numpy as np
 import zarr
 
 from pipelines.datasets.branch import open_branch
-from pipelines.datasets.chunks import write_chunk
+from pipelines.datasets.chunks import chunk_file
+from pipelines.datasets.durable import replace_files
 from tests.benchmarks.measuring import Measurement, interleaved
 from tests.benchmarks.settings import Settings
 from tests.helpers.synthetic import GROUP, open_or_create, static
@@ -46,8 +47,8 @@ def commits(settings: Settings) -> list[Measurement]:
                 target[: len(content)] = content
 
         def by_the_writer() -> None:
-            for array, content in zip(arrays, rows, strict=True):
-                write_chunk(store, GROUP, array, 0, content)
+            chunks = zip(arrays, rows, strict=True)
+            replace_files([chunk_file(store, GROUP, a, 0, rows) for a, rows in chunks], durable=False)
 
         pair = interleaved(by_zarr, by_the_writer, settings.tangent_pairs)
     told = f"the {len(arrays)} chunks of one commit to a branch on 24x2, in Zarr / in the stores' writer"

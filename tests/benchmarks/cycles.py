@@ -163,8 +163,8 @@ def branch_point(settings: Settings) -> list[Measurement]:
     """A branch point with default settings against the whole monodromy matrix propagated by RK4, both from
     the cycle at ``SPEED`` to that at ``NEXT_SPEED``.
     """
-    whole = _next_point(prepared(settings.default_grid, "rk4"), whole=True)
-    slow = _next_point(prepared(settings.default_grid), whole=False)
+    whole = next_point(prepared(settings.default_grid, "rk4"), whole=True)
+    slow = next_point(prepared(settings.default_grid), whole=False)
     pair = interleaved(whole, slow, settings.monodromy_pairs, warm_up=False)
     grid = _name(settings.default_grid)
     return [
@@ -176,7 +176,7 @@ def branch_point(settings: Settings) -> list[Measurement]:
     ]  # fmt: skip
 
 
-def _next_point(start: Start, *, whole: bool) -> Action:
+def next_point(start: Start, *, whole: bool) -> Action:
     """Correct the next point of a branch, ask for its steps and find its tangent."""
     cycle, problem = start.cycle(), start.problem
     basis = np.eye(problem.period_map.size) if whole else following_basis(problem, cycle)

@@ -37,6 +37,11 @@ NAMES = {
     },
     "growth_exponent": {"growth_exponent", "branch_point_12x2", "branch_point_16x2"},
     "curve_point_ratio": {"curve_point_ratio", "curve_point_ratio_normal_form"},
+    "survey_cell_ratio": {"survey_cell_ratio", "survey_cell"},
+    "passes_per_point": {
+        *("passes_per_branch_point", "orbits_per_branch_point"),
+        *("passes_per_curve_point", "orbits_per_curve_point"),
+    },
     "transient_steps_ratio": {"transient_steps_ratio", "transient_step"},
     "commit_ratio": {"commit_ratio", "commit"},
     "campaign_ratio": {"campaign_ratio"},
@@ -101,6 +106,8 @@ def test_multiply_adds_of_a_film_of_one_station() -> None:
     # again, and 2 + 3 + 2 of the elimination; in a closed ring 1 + 3 + 1 and two rows and two columns.
     assert film_multiply_adds(3, 1, periodic=False) == 33 + 7
     assert film_multiply_adds(3, 1, periodic=True) == 33 + 5 + 4
+    # two more neighbours: 5 rows of b_q, one more M and one more U
+    assert film_multiply_adds(3, 1, periodic=False, reach=2) == 33 + 6 + 7 + 2
 
 
 def test_the_chain_solves_its_shifted_equations() -> None:

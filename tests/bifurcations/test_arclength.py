@@ -19,10 +19,11 @@ from pipelines.bifurcations.branch import (
     BranchStop,
     ContinuationOptions,
 )
+from pipelines.bifurcations.continuation import extrapolated
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.orbits.floquet import BasisOptions
 from pipelines.orbits.period_map import Formulation, PeriodMap
-from pipelines.orbits.shooting import CycleProblem, ShootingOptions
+from pipelines.orbits.shooting import CycleProblem, ShootingOptions, Unknowns
 from pipelines.orbits.steppers import BUTCHER6, DOPRI8, RK4
 from pipelines.orbits.system import ode_system
 from tests.orbits.cluster_system import cluster_system
@@ -318,3 +319,20 @@ def test_autonomous_branch_keeps_its_phase_condition() -> None:
         assert events == ()
         assert float(state.state[:2] @ state.state[:2]) == pytest.approx(state.parameter, abs=1e-10)
         assert state.period == pytest.approx(2.0 * math.pi / (1.0 + 0.5 * state.parameter), abs=1e-9)
+
+
+def test_the_prediction_is_of_fourth_order() -> None:
+    """On a circle of radius one, with steps of equal and of different lengths."""
+
+    def at(angle: float) -> tuple[Unknowns, Unknowns]:
+        state = np.array([math.cos(angle), math.sin(angle)])
+        return Unknowns(state, 0.0, 0.0), Unknowns(np.array([-state[1], state[0]]), 0.0, 0.0)
+
+    for longer in (1.0, 2.0, 0.5):
+        errors = [
+            float(np.linalg.norm(extrapolated(at(-h), at(0.0), h, longer * h).minus(at(longer * h)[0]).state))
+            for h in (0.1, 0.05)
+        ]
+        assert math.log2(errors[0] / errors[1]) > 3.8
+    here = at(0.3)
+    assert np.array_equal(extrapolated(here, here, 0.0, 0.1).state, here[0].plus(here[1], 0.1).state)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop, SpecialKind
+from pipelines.bifurcations.curve_continuation import would_end_on
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import joined_curve
@@ -382,6 +383,11 @@ def test_two_curves_that_cross_at_a_small_angle_are_told_apart() -> None:
     again = trace(problem, start([0.0, 0.0], (-0.23, -0.023)), options, traced=known)
     assert again.result.stop is CurveStop.TRACED
     assert len(again.points) == 1
+    # or afterwards, where it was traced without knowledge of the other one
+    unknowing = trace(problem, start([0.0, 0.0], (-0.23, -0.023)), options)
+    assert unknowing.result.stop is CurveStop.RANGE
+    assert would_end_on(KnownCurve.of(unknowing.states), known.values(), (1.0, 1.0))
+    assert not would_end_on(KnownCurve.of(level.states), known.values(), (1.0, 1.0))
 
 
 def passed_twice(special: SpecialKind) -> tuple[CurveProblem, Any, tuple[tuple[float, float], ...]]:

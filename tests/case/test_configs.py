@@ -5,21 +5,26 @@ from __future__ import annotations
 import fnmatch
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
 
 from pipelines.case.reading import read_cases
+from tests.helpers.configurations import CONFIGS, FILES
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 # Foil stiffness and the excitation frequency at which the paper finds its anti-resonance.
 ANTIRESONANCES = {3: 0.63, 10: 0.70, 20: 0.72, 50: 0.74}
-FILES = sorted(CONFIGS.rglob("*.toml"))
 
 
 def test_the_promised_configurations_are_there():
     names = {str(file.relative_to(CONFIGS)) for file in FILES}
-    assert names >= {"smoke.toml", "passive.toml", "your_rotor.toml", "paper/kb10.toml", "paper/fig3.toml"}
+    assert names >= {
+        "smoke.toml",
+        "tongue.toml",
+        "passive.toml",
+        "your_rotor.toml",
+        "paper/kb10.toml",
+        "paper/fig3.toml",
+    }
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
@@ -128,7 +133,7 @@ def test_kb10_is_the_reconstruction():
 
 def test_the_small_configurations_share_the_machine_of_kb10():
     kb10 = tomllib.loads((CONFIGS / "paper" / "kb10.toml").read_text())
-    for name in ("smoke", "passive"):
+    for name in ("smoke", "tongue", "passive"):
         small = tomllib.loads((CONFIGS / f"{name}.toml").read_text())
         for table in ("gas", "rotor", "bearings"):
             assert small[table] == kb10[table], (name, table)

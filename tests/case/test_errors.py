@@ -53,7 +53,35 @@ ONE_PROBLEM = [
         "no such material; defined: steel",
         "",
     ),
+    (
+        10,
+        "outer_diameter = 0.02\nouter_diameter_right = 0.01\ninner_diameter = 0.015",
+        7,
+        "rotor.elements.0.inner_diameter_right",
+        "must be smaller than outer_diameter_right = 0.01 m",
+        "",
+    ),
+    (
+        10,
+        "outer_diameter = 0.02\ninner_diameter_right = 0.02",
+        11,
+        "rotor.elements.0.inner_diameter_right",
+        "must be smaller than outer_diameter = 0.02 m",
+        "",
+    ),
+    (10, "outer_diameter = 0.02\naxial_force = inf", 11, "rotor.elements.0.axial_force", "finite", ""),
+    (
+        10,
+        "outer_diameter = 0.0176\naxial_force = -4e6",
+        11,
+        "rotor.elements.0.axial_force",
+        "buckles the element itself: 3.83e+06 N of compression at most",
+        "",
+    ),
     (12, "node = 9", 12, "rotor.discs.0.node", "node 9 is not on the shaft", ""),
+    (13, "", 11, "rotor.discs.0.mass", "is missing: mass [kg]; or give outer_diameter and width", ""),
+    (13, "mas = 0.08", 13, "rotor.discs.0.mas", "unknown key", "rotor.discs.0.mass"),
+    (13, "mass = 0.08\nwidth = 0.01", 14, "rotor.discs.0.width", "belongs to outer_diameter", ""),
     (15, "polar_inertia = 5.8e-5", 15, "rotor.discs.0.polar_inertia", "no rigid body has more", ""),
     (17, "node = 1", 17, "bearings.0.node", "must be one of rotor.masters (0, 2, 4)", ""),
     (25, "node = 40", 25, "bearings.1.node", "node 40 is not on the shaft, whose nodes are 0 to 4", ""),
@@ -115,6 +143,31 @@ def test_one_wrong_key_is_one_problem_at_its_line(problems, line, replacement, a
     assert (problem.file, problem.line, problem.key) == ("demo.toml", at, key)
     assert message in problem.message
     assert problem.suggestion == suggestion
+
+
+@pytest.mark.parametrize(
+    ("disc", "expected"),
+    [
+        ("outer_diameter = 0.05", [("width", "belongs to outer_diameter: give both of them")]),
+        (
+            "outer_diameter = 0.05\nwidth = 0.01\nmass = 0.1",
+            [("mass", "follows from outer_diameter, width and material: give one or the other")],
+        ),
+        ("outer_diameter = 0.05\nwidth = 0.01\ninner_diameter = 0.05", [("inner_diameter", "smaller than")]),
+        ('outer_diameter = 0.05\nwidth = 0.01\nmaterial = "brass"', [("material", "no such material")]),
+        ("outer_diameter = 50.0\nwidth = 90.0", [("width", "at most 100000 kg are allowed")]),
+        (
+            "mass = 0.08\ninner_diameter = 0.01\ndiametral_inertia = 1e-3\npolar_inertia = 1e-3",
+            [(key, "inner_diameter belongs to") for key in ("mass", "diametral_inertia", "polar_inertia")],
+        ),
+        ("", [(key, "is missing") for key in ("mass", "diametral_inertia", "polar_inertia")]),
+    ],
+)
+def test_a_disc_is_given_in_exactly_one_way(problems, disc, expected):
+    found = problems((13, disc), (14, ""), (15, ""))
+    assert {problem.key: True for problem in found} == {f"rotor.discs.0.{key}": True for key, _ in expected}
+    for problem, (_, message) in zip(found, sorted(expected), strict=True):
+        assert message in problem.message
 
 
 def test_the_message_names_place_key_value_and_what_is_allowed(problems):

@@ -19,6 +19,16 @@ def test_the_hash_is_stable(text):
     assert hash_of(text) == "7c5f0838757ec616316cb6b1cab7b08ccad11415123a25b8d113737b4314f548"
 
 
+def test_keys_of_later_versions_enter_only_where_they_are_used(text, table):
+    assert "outer_diameter_right" not in table["rotor"]["elements"][0]
+    assert "width" not in table["rotor"]["discs"][0]
+    assert hash_of(text, "rotor.elements.axial_force=0.0") == hash_of(text)
+    for override in ("outer_diameter_right=0.02", "inner_diameter_right=0.01", "axial_force=100.0"):
+        assert hash_of(text, f"rotor.elements.{override}") != hash_of(text)
+        named = read_cases(text, "demo.toml", (f"rotor.elements.{override}",))[0]
+        assert type(named).from_dict(named.as_dict()) == named
+
+
 @pytest.mark.parametrize(
     "override", ["name=other", "linearize.points=7", "criticals.orders=2", "continue_cycles.max_points=9"]
 )

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from pipelines.case.reading import CaseError, Problem, read_cases, stage_problems
 from pipelines.case.stage_checks import STAGE_TABLES
 from pipelines.stages.scheduling.registry import STAGES
+from tests.helpers.configurations import FILES
 
 RIGID = "bearings.foil={rigid=true}"
 RING = "[excitation.ring]\ninner_radius = 0.02\nthickness = 2e-3\nwidth = 0.02\nyoung_modulus = 2e11\n"
 RING += "poisson_ratio = 0.3\n"
+UNBALANCE = "unbalance.planes=[{node = 0, moment = 0.1}]"
 CURVES = {"track_pd", "track_ns", "track_folds"}
+SEARCHED = {"bifurcation_set", "survey"}
 
 
 def refused(text: str, *overrides: str, stages: tuple[str, ...] = tuple(STAGES)) -> dict[str, list[Problem]]:
     """What is wrong for each stage, where something is."""
-    (named,) = read_cases(text, "demo.toml", overrides, stages=())
+    (named,) = read_cases(text, "demo.toml", (UNBALANCE, *overrides), stages=())
     found = {stage: stage_problems(named, (stage,)) for stage in stages}
     return {stage: problems for stage, problems in found.items() if problems and stage != "calibrate"}
 
@@ -39,12 +40,12 @@ def test_a_machine_that_all_stages_can_compute(text: str) -> None:
         (["continue_tori.range=[0.2, 0.5]"], set(), ""),
         ([RIGID, "continue_cycles.parameter=foil_stiffness", "continue_cycles.start=1"], {"continue_cycles"},
          "continue_cycles.parameter"),
-        ([RIGID, "track_curves.parameters=[foil_stiffness, speed]"], CURVES | {"bifurcation_set"},
+        ([RIGID, "track_curves.parameters=[foil_stiffness, speed]"], CURVES | SEARCHED,
          "track_curves.parameters.0"),
         (["track_curves.parameters=[speed, displacement]", "track_curves.ranges=[[0.2, 1.4], [0, 0.6]]",
-          "excitation.amplitudes=[1, 2]"], CURVES | {"bifurcation_set"}, "track_curves.ranges.1"),
+          "excitation.amplitudes=[1, 2]"], CURVES | SEARCHED, "track_curves.ranges.1"),
         (["excitation.displacement=0.0", "transient.excitation=switch_off", "transient.switch_time=1.0"],
-         {"transient", *CURVES}, ""),
+         {"transient", "survey", *CURVES}, ""),
     ],
 )  # fmt: skip
 def test_a_table_stops_its_own_stages_alone(
@@ -61,7 +62,7 @@ def test_a_table_stops_its_own_stages_alone(
 def test_a_period_is_not_invented(text: str) -> None:
     passive = text.replace("displacement = 0.2\nfrequency = 0.7", "displacement = 0")
     found = refused(passive)
-    assert set(found) == {"continue_cycles", "continue_tori", *CURVES}
+    assert set(found) == {"continue_cycles", "continue_tori", "survey", *CURVES}
     (problem,) = found["continue_cycles"]
     assert (problem.key, problem.line) == ("continue_cycles.formulation", 1)
     assert "give excitation.frequency" in problem.message
@@ -139,6 +140,6 @@ def test_a_load_up_to_the_film_is_allowed(text: str) -> None:
 
 
 def test_the_configurations_that_come_with_agfb_run_their_chain() -> None:
-    for path in sorted((Path(__file__).parents[2] / "configs").rglob("*.toml")):
+    for path in FILES:
         for named in read_cases(path.read_text(), str(path)):
             assert stage_problems(named, ("linearize", "criticals", "continue_cycles", "transient")) == []

@@ -6,8 +6,10 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer.main
 from typer.testing import CliRunner, Result
 
 from agfb_cli.main import app
@@ -16,6 +18,19 @@ from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 from pipelines.stages.scheduling import registry
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
+def leaf_commands() -> dict[str, Any]:
+    """Every command by the words behind `agfb`; those of a group have two."""
+    commands: dict[str, Any] = {}
+    for name, command in typer.main.get_group(app).commands.items():
+        inner = getattr(command, "commands", None)
+        if inner is None:
+            commands[name] = command
+        else:
+            commands |= {f"{name} {below}": each for below, each in inner.items()}
+    return commands
+
 
 Behaviour = Callable[[NamedCase], StageResult]
 

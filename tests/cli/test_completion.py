@@ -83,7 +83,10 @@ def folder(smoke: Path) -> Path:
         (("run", "--set", "excitation.fr"), ["excitation.frequency=", "excitation.frequency_hz="]),
         (("run", "--set", "numerics.scheme", "=", "b"), ["backward"]),
         (("run", "--set=numerics.scheme", "=", "b"), ["backward"]),
-        (("run", "--set", "numerics.sc"), [f"numerics.scheme={w}" for w in ("", "central", "backward")]),
+        (
+            ("run", "--set", "numerics.sc"),
+            [f"numerics.scheme={w}" for w in ("", "central", "backward", "fourth_order")],
+        ),
         (("run", "--set", "nonsense"), []),
     ],
 )  # fmt: skip

@@ -25,7 +25,6 @@ from pathlib import Path
 from types import MappingProxyType
 
 import pytest
-import typer.main
 import yaml
 from distributed.cli import dask_scheduler, dask_worker
 from typer.testing import CliRunner
@@ -34,12 +33,13 @@ from agfb_cli.errors import ExitCode
 from agfb_cli.main import BLAS_THREAD_VARIABLES, app
 from agfb_cli.pool import choose_pool
 from pipelines.stages.scheduling.campaign import SETTINGS
+from tests.cli.conftest import leaf_commands
 from tests.helpers.tiny import ROOT, TINY
 
 STEPWISE = ROOT / "configs" / "your_rotor.md"  # first, from nothing: the others shall not do its work
 OTHERS = (ROOT / "README.md", *sorted(set((ROOT / "configs").rglob("*.md")) - {STEPWISE}))
 PAGES = (STEPWISE, *OTHERS)
-COMMANDS = typer.main.get_group(app).commands
+COMMANDS = leaf_commands()
 DASK = MappingProxyType({"scheduler": dask_scheduler.main, "worker": dask_worker.main})
 
 SEARCH = (
@@ -71,6 +71,8 @@ YOUR_ROTOR = (
     "criticals.speed_range=[0.3, 0.5]",
     "criticals.points=3",
     "criticals.unbalance_points=3",
+    "unbalance_response.points=4",
+    "unbalance_response.speed_range=[0.3, 0.5]",
     "continue_cycles.range=[1.03, 1.09]",  # a Neimark-Sacker point lies inside
     "continue_cycles.start=1.04",
     "continue_cycles.step=0.02",
@@ -119,7 +121,8 @@ def run_agfb(words: list[str]) -> None:
 def within_a_test(words: Sequence[str]) -> list[str]:
     """A command of agfb with the liberties that the head of this file names."""
     changed = [word.replace("/shared/results", "build") for word in words]
-    options = {name for parameter in COMMANDS[words[0]].params for name in parameter.opts}
+    command = words[0] if words[0] in COMMANDS else " ".join(words[:2])
+    options = {name for parameter in COMMANDS[command].params for name in parameter.opts}
     if "--workers" in changed:
         changed[changed.index("--workers") + 1] = "1"
     if "--scheduler" in changed:
@@ -213,7 +216,11 @@ def test_the_commands_of_a_page_work_from_top_to_bottom(page: Path, folder: Path
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_commands_and_options_within_sentences_exist(page: Path) -> None:
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
-    for name, rest in re.findall(r"`agfb ([a-z][a-z-]*)([^`]*)`", text):
+    groups = {name.split()[0] for name in COMMANDS if " " in name}
+    for first, rest in re.findall(r"`agfb ([a-z][a-z-]*)([^`]*)`", text):
+        if first in groups and not rest:
+            continue
+        name = f"{first} {rest.split()[0]}" if first in groups else first
         assert name in COMMANDS
         options = {option for parameter in COMMANDS[name].params for option in parameter.opts}
         assert set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", rest)) <= options | {"--help"}

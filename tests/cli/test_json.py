@@ -8,22 +8,25 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer.main
 
 from agfb_cli.errors import ExitCode
-from agfb_cli.main import app
-from tests.cli.conftest import Program
+from tests.cli.conftest import Program, leaf_commands
 from tests.figures.synthetic_store import make_store
 
-COMMANDS = typer.main.get_group(app).commands
-ARGUMENTS = {"CONFIG": "smoke.toml", "STORE": "a.zarr", "STORE...": "a.zarr", "A": "a.zarr", "B": "a.zarr"}
+COMMANDS = leaf_commands()
+ARGUMENTS = {
+    "CONFIG": "smoke.toml", "STORE": "a.zarr", "STORE...": "a.zarr", "A": "a.zarr", "B": "a.zarr",
+    "MODEL": "smoke.toml", "FILE.csv": "smoke.toml",
+}  # fmt: skip
 MISSING = {name: f"no-{value}" for name, value in ARGUMENTS.items()}
 
 
 def arguments(command: str, values: dict[str, str]) -> list[str]:
     """What a command needs; a command with an argument of a new kind has to name an example here."""
     needed = [each for each in COMMANDS[command].params if each.param_type_name == "argument"]
-    return [values[str(each.metavar)] for each in needed]
+    required = [each for each in COMMANDS[command].params if each.required and each not in needed]
+    options = [word for each in required for word in (each.opts[0], "new.toml")]
+    return [*(values[str(each.metavar)] for each in needed), *options]
 
 
 def strict(text: str) -> Any:
@@ -52,14 +55,14 @@ def folder(program: Program, smoke: Path, store: Path) -> Program:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_answers_with_one_document(folder: Program, command: str) -> None:
-    done = folder(command, *arguments(command, ARGUMENTS), "--json")
+    done = folder(*command.split(), *arguments(command, ARGUMENTS), "--json")
     assert done.exit_code != ExitCode.BUG, done.output
     assert strict(done.stdout)
 
 
 @pytest.mark.parametrize("command", [name for name in COMMANDS if arguments(name, MISSING)])
 def test_every_command_answers_that_something_is_missing(folder: Program, command: str) -> None:
-    done = folder(command, *arguments(command, MISSING), "--json")
+    done = folder(*command.split(), *arguments(command, MISSING), "--json")
     assert done.exit_code == ExitCode.USAGE
     (document,) = told if isinstance(told := strict(done.stdout), list) else [told]
     assert document["error"]["code"] == ExitCode.USAGE
@@ -68,7 +71,7 @@ def test_every_command_answers_that_something_is_missing(folder: Program, comman
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_what_cannot_be_a_command_line_is_told_too(folder: Program, command: str) -> None:
-    done = folder(command, "--json", "--colour")
+    done = folder(*command.split(), "--json", "--colour")
     assert done.exit_code == ExitCode.USAGE
     assert "--colour" in strict(done.stdout)["error"]["message"]
     assert "No such option" in done.stderr

@@ -12,7 +12,9 @@ from agfb_cli.errors import ExitCode
 from agfb_cli.main import app
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.store import open_for_reading
+from pipelines.stages.reports.operating_range import operating_range
 from tests.figures.synthetic_store import ATTRIBUTES, make_store
+from tests.helpers.surveys import write_survey
 
 
 def report(*words: str) -> Result:
@@ -81,3 +83,26 @@ def test_a_store_without_curves_says_what_to_run(tmp_path: Path) -> None:
     assert done.exit_code == ExitCode.USAGE
     assert "no bifurcation set" in done.stderr
     assert "agfb run" in done.stderr
+
+
+def test_a_survey_is_told_with_the_range_and_alone(tmp_path: Path) -> None:
+    """All its onsets lie at the speed of one boundary: with curves it tells how many are theirs."""
+    store = make_store(tmp_path / "a.zarr", 5)
+    boundaries = [each for each in operating_range(store, "kb10").boundaries if each.curve >= 0]
+    speed = boundaries[len(boundaries) // 2].speed
+    write_survey(store, "kb10", onset=speed, points=(37, 7))
+    done = report(str(tmp_path / "a.zarr"))
+    assert done.exit_code == ExitCode.DONE
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("survey: ")]
+    assert "of 259 cells unstable, 1 without a usable cycle" in line
+    assert f"lowest onset at speed {speed:.4g}, excitation frequency 0.2 (period doubling)" in line
+    assert "within 0.011 of the first bifurcation of the curves" in line
+    told = json.loads(report(str(tmp_path / "a.zarr"), "--json").stdout)["surveys"]["kb10"]
+    assert told["lowest"]["across"] == pytest.approx(speed)
+    assert 0 < told["agreeing"] < told["compared"] <= 37
+
+    write_survey(make_store(tmp_path / "b.zarr", parts=("machine",)), "kb10")
+    alone = report(str(tmp_path / "b.zarr"))
+    assert alone.exit_code == ExitCode.DONE
+    assert alone.stdout.startswith("kb10: survey: 30 of 70 cells unstable")
+    assert alone.stderr == ""

@@ -313,3 +313,24 @@ def test_every_write_is_forced_to_disk(tmp_path: Path, monkeypatch: pytest.Monke
     written = [name for name, a in writer.arrays.items() if a.role in ("row", "slot")]
     assert len(renamed) == len(written) + 1
     assert {str(Path(name).parent) for name in renamed} <= set(synced)
+
+
+def test_files_side_by_side_are_all_there_or_one_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = [(tmp_path / f"{number}", bytes([number])) for number in range(50)]
+    durable.replace_files(files)
+    assert [path.read_bytes() for path, _ in files] == [data for _, data in files]
+    write = durable._write
+
+    def failing(partial: Path, data: bytes, forced: bool) -> None:
+        if partial.name == "30.partial":
+            raise OSError(errno.ENOSPC, "No space left")
+        write(partial, data, forced)
+
+    monkeypatch.setattr(durable, "_write", failing)
+    with pytest.raises(OSError, match="No space left") as caught:
+        durable.replace_files([(path, b"new") for path, _ in files])
+    assert caught.value.filename == str(tmp_path / "30")
+    assert (tmp_path / "30").read_bytes() == bytes([30])
+    assert list(tmp_path.glob("*.partial")) == []

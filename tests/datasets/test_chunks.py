@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import zarr
 
-from pipelines.datasets.chunks import read_array, write_array, write_chunk
+from pipelines.datasets.chunks import array_files, chunk_file, read_array
+from pipelines.datasets.durable import replace_file, replace_files
 from pipelines.datasets.layout import ArrayLayout, array_metadata, layout
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store
@@ -39,7 +40,7 @@ def content_of(array: ArrayLayout) -> np.ndarray[Any, Any]:
 def test_the_files_are_those_of_zarr(store: Store, array: ArrayLayout) -> None:
     ours, theirs = make(store, "ours", array), make(store, "theirs", array)
     content = content_of(array)
-    write_array(store, "ours", array, content)
+    replace_files(list(array_files(store, "ours", array, content)))
     opened = zarr.open_array(theirs, mode="r+").with_config({"write_empty_chunks": True})
     opened[...] = content
     assert sorted(p.name for p in ours.iterdir()) == sorted(p.name for p in theirs.iterdir())
@@ -57,5 +58,5 @@ def test_a_chunk_of_many_compressed_blocks(store: Store) -> None:
 def test_rows_that_are_not_given_are_fill_values(store: Store) -> None:
     array = layout("cycles", {"point": 5})["speed"]
     make(store, "group", array)
-    write_chunk(store, "group", array, 0, np.array([1.0, 2.0]))
+    replace_file(*chunk_file(store, "group", array, 0, np.array([1.0, 2.0])))
     np.testing.assert_array_equal(read_array(store, "group", array), [1.0, 2.0, *3 * [np.nan]])

@@ -6,6 +6,7 @@ import json
 import os
 import pickle
 import shutil
+import time
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any
 import pytest
 
 from pipelines.case.reading import read_cases
+from pipelines.datasets import metadata
 from pipelines.datasets import store as store_module
 from pipelines.datasets.branch import open_branch
 from pipelines.datasets.errors import (
@@ -24,12 +26,12 @@ from pipelines.datasets.errors import (
     OtherConfigurationError,
     StoreError,
 )
-from pipelines.datasets.metadata import encode_group, regular_file_size
+from pipelines.datasets.metadata import encode_group, read_group_metadata, regular_file_size
 from pipelines.datasets.provenance import provenance
 from pipelines.datasets.reading import describe, list_cases, list_groups, read_branch, read_group
 from pipelines.datasets.schema import SCHEMA_VERSION
 from pipelines.datasets.store import Store, create_store, move_aside, open_for_reading, open_for_writing
-from tests.helpers.synthetic import GROUP, LEAN, PROVENANCE, extend
+from tests.helpers.synthetic import GROUP, LEAN, PROVENANCE, extend, static
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
@@ -322,3 +324,23 @@ def test_a_damaged_store_can_be_moved_aside(store: Store) -> None:
     (store.path / "zarr.json").write_bytes(b"{")
     assert (move_aside(store.path) / "zarr.json").read_bytes() == b"{"
     assert not store.path.exists()
+
+
+def test_metadata_are_parsed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Until any of the files changes."""
+    store = create_store(tmp_path / "run.zarr", {"synthetic": {"name": "synthetic"}}, PROVENANCE)
+    with open_branch(store, GROUP, "cycles", LEAN, static(LEAN)) as writer:
+        extend(writer, 2)
+        array = store.path / GROUP / "state" / "zarr.json"
+        time.sleep(0.1)  # what changed just now is read again: the clock of a file system is coarse
+        first, original, parsed = read_group_metadata(store.path, GROUP), metadata.read_json, list[Path]()
+        monkeypatch.setattr(metadata, "read_json", lambda path: parsed.append(path) or original(path))
+        assert read_group_metadata(store.path, GROUP) == first
+        assert parsed == []
+        first.attributes["n_points"] = 7
+        assert read_group_metadata(store.path, GROUP).attributes["n_points"] == 2, "each caller has its own"
+        extend(writer, 3)
+        assert read_group_metadata(store.path, GROUP).attributes["n_points"] == 3
+    array.write_text(array.read_text().replace("float64", "float32"))
+    with pytest.raises(ForeignStoreError, match="data_type"):
+        read_group_metadata(store.path, GROUP)

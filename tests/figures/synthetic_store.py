@@ -13,11 +13,23 @@ from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, create_store
 from tests.figures.synthetic_runs import write_runs
 from tests.helpers.curves import Path2, curve_rows, oval, write_curve, write_set
+from tests.helpers.surveys import write_survey
 
 Arrays = dict[str, NDArray[Any]]
 
 MASTERS = np.array([0, 2, 4, 7, 10, 12, 14])
-PARTS = ("machine", "linear", "criticals", "cycles", "doubled", "curves", "set", "tori", "runs")
+PARTS = (
+    "machine",
+    "linear",
+    "criticals",
+    "unbalance_response",
+    "cycles",
+    "doubled",
+    "curves",
+    "set",
+    "tori",
+    "runs",
+)
 SAMPLES, SNAPSHOTS, THETAS, STATES, MULTIPLIERS = 64, 8, 41, 40, 12
 TORUS_ANGLES = 33
 
@@ -84,6 +96,30 @@ def linear(points: int = 41) -> Arrays:
         "eigenvalues": eigenvalues,
         "bearing_stiffness": stiffness,
         "bearing_damping": damping,
+    }
+
+
+def unbalance_response() -> Arrays:
+    """Two planes and probes; x has a resonance at 0.5 and y another at 0.8."""
+    speed = np.linspace(0.1, 1.4, 80)
+    single = np.stack([speed**2 / (w**2 - speed**2 + 0.1j * speed) for w in (0.5, 0.8)], axis=-1)
+    weights = np.array([[0.02, 0.01], [0.01, 0.015]])
+    return {
+        "speed": speed,
+        "plane_node": np.array([0, 14], dtype=np.int32),
+        "plane_moment": np.array([1e-6, 2e-6]),
+        "plane_phase": np.array([0.0, 1.0]),
+        "probe_node": np.array([2, 12], dtype=np.int32),
+        "response": weights[None, :, :, None] * single[:, None, None, :],
+        "journal_motion": 0.05 * np.ones((80, 2)),
+        "peak_probe": np.array([0, 0, 1, 1], dtype=np.int32),
+        "peak_axis": np.array([0, 1, 0, 1], dtype=np.int8),
+        "peak_speed": np.array([0.5, 0.8, 0.5, 0.8]),
+        "peak_amplitude": np.array([0.15, 0.24, 0.125, 0.2]),
+        "peak_phase": np.full(4, -0.5 * np.pi),
+        "peak_low": np.array([0.45, 0.75, 0.45, 0.75]),
+        "peak_high": np.array([0.55, 0.85, 0.55, np.nan]),
+        "peak_amplification": np.array([5.0, 8.0, 5.0, np.nan]),
     }
 
 
@@ -252,6 +288,7 @@ ATTRIBUTES: dict[str, dict[str, Any]] = {
     "machine": {"material_names": ["steel", "titanium"]},
     "linear": {"instability_speed": 1.078},
     "criticals": {},
+    "unbalance_response": {},
 }
 NOTE = "Invented numbers that only test the drawing."
 
@@ -262,9 +299,15 @@ def make_store(path: Path, points: int = 40, *, parts: tuple[str, ...] = PARTS, 
     store = create_store(
         path, {"kb10": case}, {"configuration": {}, "configuration_hash": "0"}, durable=False
     )
-    for kind, arrays in (("machine", machine()), ("linear", linear()), ("criticals", criticals())):
+    whole = {
+        "machine": machine,
+        "linear": linear,
+        "criticals": criticals,
+        "unbalance_response": unbalance_response,
+    }
+    for kind, invent in whole.items():
         if kind in parts:
-            write_group(store, f"cases/kb10/{kind}", kind, arrays, ATTRIBUTES[kind])
+            write_group(store, f"cases/kb10/{kind}", kind, invent(), ATTRIBUTES[kind])
     if "cycles" in parts:
         write_branch(store, "cases/kb10/cycles/b000", cycles(points))
     if "cycles" in parts and "doubled" in parts:
@@ -275,6 +318,8 @@ def make_store(path: Path, points: int = 40, *, parts: tuple[str, ...] = PARTS, 
         write_tori(store, min(points, 12))
     if "set" in parts:
         write_set(store, "kb10")
+    if "survey" in parts:
+        write_survey(store, "kb10")
     if "runs" in parts:
         write_runs(store, "kb10")
     return store

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.collections import PathCollection
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Polygon, Rectangle
 
 from pipelines.figures.axes import add_parameter_axis, gaps, limits
 from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram, thread_events
@@ -185,7 +185,9 @@ def test_limits_ignore_what_is_not_finite():
 def test_machine_is_to_scale(figures, view):
     axes = figures["machine"].axes[0]
     assert axes.get_aspect() == 1.0
-    boxes = [(p.get_x(), p.get_width(), p.get_height()) for p in axes.patches if isinstance(p, Rectangle)]
+    drawn = [p.get_bbox() for p in axes.patches if isinstance(p, Rectangle)]
+    drawn += [p.get_path().get_extents() for p in axes.patches if isinstance(p, Polygon)]
+    boxes = [(box.x0, box.width, box.height) for box in drawn]
     length, diameter = 360.0 / 14, 17.6
     shafts = [box for box in boxes if np.isclose(box[2], diameter)]
     np.testing.assert_allclose(sorted(x for x, _, _ in shafts), np.arange(14) * length)

@@ -15,7 +15,7 @@ POISONED = "displacement=0.2"
 def poisoned(work: Mapping[str, Any], *others: Any) -> dict[str, Any]:
     if work["case"]["case_id"] == POISONED:
         os.kill(os.getpid(), signal.SIGKILL)
-    return tasks.run_task(work, *others)
+    return tasks.ask_plan(work, *others)
 
 
-campaign.run_task = poisoned
+campaign.ask_plan = poisoned

@@ -95,6 +95,21 @@ def test_frequencies_come_down_to_the_full_ones_with_order_four():
     assert np.all(errors[1] < 2e-4)
 
 
+def test_a_shaft_that_buckles_between_its_masters_is_refused():
+    """Masters hold translations alone: Euler's load of the pinned bar between them, shear negligible."""
+    euler = np.pi**2 * 206e9 * np.pi / 64 * 0.002**4 / 0.32**2
+
+    def condensed_under(part: float, masters: tuple[int, ...]) -> None:
+        element = Element(length=0.01, outer_diameter=0.002, count=32, axial_force=-part * euler)
+        condense(assemble_rotor(Rotor(elements=(element,), masters=masters)), masters)
+
+    condensed_under(0.999, (0, 32))
+    condensed_under(1.001, (0, 16, 32))
+    for part in (1.001, 1000.0):
+        with pytest.raises(ValueError, match="buckle the shaft between its masters"):
+            condensed_under(part, (0, 32))
+
+
 def test_state_space_is_equation_twelve(slender_rotor):
     condensed = condense(assemble_rotor(held(slender_rotor)), slender_rotor.masters)
     form = state_space(condensed)

@@ -18,7 +18,7 @@ from tests.machines import BEARING, OTHER_BEARING, case, symmetric_rotor
 Array = NDArray[np.float64]
 
 SWITCHES = {
-    "scheme": ("central", "backward"),
+    "scheme": ("central", "backward", "fourth_order"),
     "axial_scheme": ("chebyshev", "uniform"),
     "film": ("edge", "periodic"),
     "clipping": ("gumbel", "smooth", "full"),

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 import numba
+import numpy as np
 import pytest
 
 from pipelines.machine import kernels, rates
@@ -114,3 +115,43 @@ def test_a_type_that_is_gone_does_no_harm(tmp_path: Path, monkeypatch: pytest.Mo
         monkeypatch.setattr(kernels, "source_digest", lambda digest=digest: digest)
         path.write_text(WITH_A_TUPLE.replace("Pair", name))
         assert loaded(path).total(1.0, 2.0) == 3.0
+
+
+def doubled(phase, state, parameters, constants, layout, work, out):  # type: ignore[no-untyped-def]
+    """A right-hand side of its own, 2 s."""
+    for i in range(out.size):
+        out[i] = 2.0 * state[i]
+
+
+@numba.njit(numba.float64(kernels.ENTRY, numba.float64[::1]))
+def second_rate(rates, state):  # type: ignore[no-untyped-def]
+    """The second entry of f(s), of the function at an entry point."""
+    rates, out, some = kernels.as_rates(rates), np.zeros(2), np.zeros(1)
+    rates(0.0, state, some, some, np.zeros(1, np.int64), some, out)
+    return out[1]
+
+
+def test_a_loop_calls_what_it_is_handed() -> None:
+    first, second = numba.njit(kernels.RATES)(doubled), numba.njit(kernels.RATES)(doubled)
+    entries = [kernels.entry_point(rates, kernels.RATES) for rates in (first, second, first)]
+    assert entries[0] == entries[2] != entries[1]
+    assert [second_rate(entry, np.array([1.0, 3.0])) for entry in entries] == [6.0] * 3
+
+
+def test_an_error_in_a_called_function_reaches_the_caller() -> None:
+    @numba.njit(kernels.RATES)
+    def refusing(phase, state, parameters, constants, layout, work, out):  # type: ignore[no-untyped-def]
+        raise ValueError("no rates here")
+
+    with pytest.raises(ValueError, match="no rates here"):
+        second_rate(kernels.entry_point(refusing, kernels.RATES), np.zeros(2))
+
+
+def test_a_function_of_another_type_has_no_entry_point() -> None:
+    with pytest.raises(numba.TypingError):
+        kernels.entry_point(rates.machine_rates, kernels.TANGENT)
+
+
+def test_a_python_function_stands_for_itself() -> None:
+    assert kernels.entry_point(doubled, kernels.RATES) is doubled
+    assert kernels.as_rates(doubled) is doubled

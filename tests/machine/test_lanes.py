@@ -61,6 +61,25 @@ def test_both_give_the_same_sums() -> None:
         np.testing.assert_allclose(other[:LANES], expected, rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.parametrize("module", [plain_lanes, vector_lanes])
+def test_borrowed_arrays_are_the_same_memory(module: ModuleType) -> None:
+    """What is written through a view is in the array, and nothing is freed that the caller holds."""
+    borrowed = module.borrowed
+
+    @njit
+    def write(values):  # type: ignore[no-untyped-def]
+        view = borrowed(values)[2:].reshape(2, 3)
+        view[1] = 7.0
+        return view[0].sum()
+
+    values = np.arange(8.0)
+    references = sys.getrefcount(values)
+    for _ in range(3):
+        assert write(values) == 2.0 + 3.0 + 4.0
+    np.testing.assert_array_equal(values, [0, 1, 2, 3, 4, 7, 7, 7])
+    assert sys.getrefcount(values) == references
+
+
 def test_plain_ones_are_taken_where_the_others_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("AGFB_PLAIN_LANES", raising=False)
     assert lanes.chosen() is vector_lanes

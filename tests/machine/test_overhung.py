@@ -83,7 +83,8 @@ def bending(rotor: Rotor, speed: float, count: int, masters: Masters | None = No
     full = assemble_rotor(free)
     model = full if masters is None else condense(full, masters.nodes, masters.slopes)
     modes = oscillating_modes(model, speed)
-    forward = whirl_directions(translations(model, modes.shapes)) >= (1 if speed else 0)
+    # at rest the two planes have equal frequencies, and rounding decides how their shapes whirl
+    forward = whirl_directions(translations(model, modes.shapes)) >= (1 if speed else -1)
     frequencies = modes.damped_frequencies[forward]
     return frequencies[frequencies > 3000.0][:count]
 

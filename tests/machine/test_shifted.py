@@ -45,10 +45,12 @@ def pair(
 
 @pytest.mark.parametrize("shift", [1e-3, 0.05, 1.0])
 @pytest.mark.parametrize("film", ["edge", "periodic"])
+@pytest.mark.parametrize("scheme", ["central", "fourth_order"])
 @pytest.mark.parametrize("grid", [(8, 1), (12, 2), (16, 3), (12, 4), (9, 6)])
-def test_solution_of_the_dense_system(grid: tuple[int, int], film: str, shift: float) -> None:
+def test_solution_of_the_dense_system(grid: tuple[int, int], scheme: str, film: str, shift: float) -> None:
     """Two bearings that differ in every length; 1e-11 because the condition number reaches 1e4."""
-    system, state, parameters = states(case(grid, bearings=pair(BEARING, OTHER_BEARING, film=film)))
+    bearings, numerics = pair(BEARING, OTHER_BEARING, film=film), {"scheme": scheme}
+    system, state, parameters = states(case(grid, bearings=bearings, numerics=numerics))
     right = np.random.default_rng(4).standard_normal((system.size, LANES))
     jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
     expected = np.linalg.solve(np.eye(system.size) - shift * jacobian, right)

@@ -134,6 +134,19 @@ def test_newton_picard_agrees_with_newton() -> None:
     assert np.max(np.abs(directions[0] - directions[1])) < 1e-3 * np.max(np.abs(directions[1]))
 
 
+def test_a_step_is_as_sharp_as_newtons_with_a_basis_that_is_not_invariant() -> None:
+    """The residual falls quadratically, though the basis comes from a cycle with another load."""
+    cycle = converged(solve(cluster_problem(16), np.zeros(90), 0.5))
+    problem = cluster_problem(16)
+    whole, slow = (
+        correct(problem, cycle.unknowns, problem.fixed_parameter(0.55), basis, cycle.steps)
+        for basis in (np.eye(90), cycle.basis)
+    )
+    assert len(whole.residual_norms) > 2
+    for newton, picard in zip(whole.residual_norms, slow.residual_norms, strict=False):
+        assert picard <= 5.0 * newton + problem.options.tolerance
+
+
 def test_cluster_is_not_chased() -> None:
     """78 multipliers near 0.043 stay out of the basis; only the isolated ones and the buffer are in it."""
     problem = cluster_problem(16)

@@ -24,7 +24,14 @@ from pipelines.orbits.period_map import PeriodMap
 from pipelines.orbits.shooting import Cycle, CycleProblem, NewtonStop, Unknowns, correct, first_basis
 from pipelines.orbits.steppers import BUTCHER6, DOPRI8, RK4, Stepper
 from pipelines.orbits.system import DynamicalSystem, ode_system
-from pipelines.orbits.time_steps import first_steps, next_steps, required_steps, spectral_radius, stable_steps
+from pipelines.orbits.time_steps import (
+    RequiredSteps,
+    first_steps,
+    next_steps,
+    required_steps,
+    spectral_radius,
+    stable_steps,
+)
 from pipelines.stages.cycles.problem import cycle_problem
 from pipelines.stages.cycles.start import FirstCycle, resting_start
 from tests.systems import duffing, tondl
@@ -107,6 +114,28 @@ def test_a_smooth_orbit_keeps_the_estimate_of_its_order() -> None:
     coarse = problem.period_map.evaluate(at.state, cycle.parameters, at.period, 25, cycle.basis)
     spectra = [np.linalg.eigvals(cycle.basis.T @ image.columns) for image in (cycle.image, coarse)]
     assert required_steps(problem, cycle).error == nearest(*spectra) / 31.0
+
+
+def test_a_neighbour_with_nearly_the_same_error_spares_the_finer_pass(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Not one with another number of steps, another error or an unknown one."""
+    problem, guess = machine_problem("excitation.displacement=0.05", *COARSE)
+    cycle = cycle_with(problem, guess, 50, first_basis(problem, guess, 50))
+    alone, steps = required_steps(problem, cycle), []
+    evaluate = PeriodMap.evaluate
+
+    def counted(self, state, parameters, period, count, *others, **options):  # type: ignore[no-untyped-def]
+        steps.append(count)
+        return evaluate(self, state, parameters, period, count, *others, **options)
+
+    monkeypatch.setattr(PeriodMap, "evaluate", counted)
+    passes = {(50, 1.1): [25], (50, 1.4): [25, 75], (50, math.nan): [25, 75], (51, 1.0): [25, 75]}
+    for (count, factor), expected in passes.items():
+        steps.clear()
+        found = required_steps(problem, cycle, RequiredSteps(count, factor * alone.error))
+        assert steps == expected
+        assert found == alone
 
 
 # --- Explicit steppers ----------------------------------------------------------------------------

@@ -43,6 +43,16 @@ ELEMENTS = {
     "stubby_hollow": (0.0051, 0.066, 0.0304, "magnesium_by_shear_modulus"),
 }
 
+# name: length, outer diameters left and right, inner diameters left and right [m], material, axial force [N]
+CONES = {
+    "solid": (0.05, 0.03, 0.05, 0.0, 0.0, "steel_by_shear_modulus", 0.0),
+    "stubby": (0.01, 0.08, 0.02, 0.0, 0.0, "steel_by_poisson_ratio", 0.0),
+    "bore_that_ends": (0.06, 0.04, 0.025, 0.02, 0.0, "titanium", 0.0),
+    "thinning_wall": (0.08, 0.04, 0.04, 0.01, 0.038, "magnesium_by_shear_modulus", 0.0),
+    "pulled": (0.05, 0.03, 0.05, 0.01, 0.02, "titanium", 2e7),
+    "pressed_cylinder": (0.1, 0.03, 0.03, 0.0, 0.0, "steel_by_poisson_ratio", -1e6),
+}
+
 # name: mass [kg], diametral and polar inertia [kg m2]
 DISCS = {"thin": (0.079, 2.85e-5, 5.70e-5), "long": (12.0, 0.4, 0.1)}
 
@@ -76,6 +86,37 @@ def element_record(name: str) -> dict[str, object]:
     }
 
 
+def cone_record(name: str) -> dict[str, object]:
+    length, outer, outer_right, inner, inner_right, material, force = CONES[name]
+    element = ross.ShaftElement(
+        L=length,
+        odl=outer,
+        odr=outer_right,
+        idl=inner,
+        idr=inner_right,
+        material=ross_material(material),
+        axial_force=force,
+        n=0,
+    )
+    return {
+        "name": name,
+        "element": {
+            "length": length,
+            "outer_diameter": outer,
+            "outer_diameter_right": outer_right,
+            "inner_diameter": inner,
+            "inner_diameter_right": inner_right,
+            "axial_force": force,
+        },
+        "material": MATERIALS[material],
+        "centre_of_gravity": element.beam_cg / length,
+        "mass_of_element": element.m,
+        "mass": lateral(element.M(), LATERAL_ELEMENT),
+        "gyroscopic": lateral(element.G(), LATERAL_ELEMENT),
+        "stiffness": lateral(element.K(), LATERAL_ELEMENT),
+    }
+
+
 def disc_record(name: str) -> dict[str, object]:
     mass, diametral, polar = DISCS[name]
     disc = ross.DiskElement(n=0, m=mass, Id=diametral, Ip=polar)
@@ -93,6 +134,7 @@ def main() -> None:
     fixture = {
         "made_by": f"ross-rotordynamics {version('ross-rotordynamics')}, make_ross_fixture.py",
         "elements": [element_record(name) for name in ELEMENTS],
+        "cones": [cone_record(name) for name in CONES],
         "discs": [disc_record(name) for name in DISCS],
     }
     target = Path(__file__).with_name("ross_elements.json")

@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from multiprocessing.context import ForkServerProcess
@@ -26,7 +26,9 @@ from typer.testing import CliRunner
 from agfb_cli.main import app
 from pipelines.datasets.integrity import verify
 from pipelines.stages.scheduling import campaign
+from pipelines.stages.scheduling.agenda import Agenda, Chain, StageRun, Work
 from pipelines.stages.scheduling.pool import ClusterError, Pool
+from pipelines.stages.scheduling.tasks import task
 from tests.helpers import forked
 from tests.helpers.cluster import cluster as small_cluster
 from tests.helpers.poison import POISONED
@@ -104,7 +106,7 @@ def test_workers_keep_freed_memory_and_one_thread() -> None:
     """What Dask sets otherwise costs a quarter of the time."""
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(dict(campaign.SETTINGS)))
-        client = campaign._client(Pool(workers=1), 1, lambda: False, stack)
+        client = campaign._client(Pool(workers=1), lambda: False, stack)
         assert client is not None
         (environment,) = client.run(lambda: dict(os.environ)).values()
         (watched,) = client.run(lambda: dask.config.get("distributed.worker.profile.enabled")).values()
@@ -215,12 +217,12 @@ def test_a_result_that_died_with_its_worker_is_not_waited_for(
     with small_cluster(tmp_path, 1) as machines, Client(machines.address) as client:
         client.wait_for_workers(1)
         (address,) = client.nthreads()
-        future = client.submit(list, pure=False, workers=[address])
+        future = client.submit(dict, pure=False, workers=[address])
         wait(future)
-        assert campaign._records(future) == []
+        assert campaign._answer(future) == {}
         assert machines.workers[0].pid is not None
         os.kill(machines.workers[0].pid, signal.SIGSTOP)
-        assert campaign._records(future) is None
+        assert campaign._answer(future) is None
 
 
 def test_killed_drivers_and_workers(tmp_path: Path, alone: Path, kills: int) -> None:
@@ -374,30 +376,30 @@ def test_only_deaths_without_progress_count(tmp_path: Path, monkeypatch: pytest.
     committed = iter([4, 7, 7, 8, 8, 8])
     monkeypatch.setattr(campaign, "watch", lambda path: [])
     monkeypatch.setattr(campaign, "totals", lambda states: SimpleNamespace(points=next(committed)))
-    chain = campaign._Chain(tiny_case(), ["linearize"])
+    work = Work(Chain(tiny_case(), ["linearize"]), StageRun("linearize"))
     nothing: Any = None
-    run = campaign._Campaign(nothing, Pool(2), nothing, nothing, nothing, tmp_path, deque())
-    assert [run._deaths(chain) for _ in range(6)] == [1, 1, 2, 1, 2, 3]
+    run = campaign._Campaign(nothing, Pool(2), nothing, nothing, nothing, tmp_path, Agenda([]))
+    assert [run._deaths(work) for _ in range(6)] == [1, 1, 2, 1, 2, 3]
 
 
 def test_every_free_worker_gets_a_case_of_its_own(tmp_path: Path) -> None:
     handed_out = []
 
-    def submit(function: object, work: object, stop: str, *, pure: bool, workers: list[str]) -> str:
+    def submit(function: object, work: object, stop: str, *, pure: bool, workers: list[str]) -> Any:
         handed_out.append((workers, work))
-        return "future"
+        return SimpleNamespace(add_done_callback=lambda call: None)
 
     cases = [tiny_case(f"excitation.displacement={value}") for value in (0.1, 0.2, 0.3)]
     client: Any = SimpleNamespace(submit=submit)
     stop: Any = SimpleNamespace(name="stop")
     nothing: Any = None
-    waiting = deque(campaign._Chain(case, ["linearize"]) for case in cases)
-    run = campaign._Campaign(client, Pool(2), stop, nothing, nothing, tmp_path, waiting)
+    agenda = Agenda([Chain(case, ["linearize"]) for case in cases])
+    run = campaign._Campaign(client, Pool(2), stop, nothing, nothing, tmp_path, agenda)
     run._assign({"first", "second"})
-    expected = [campaign.task("linearize", case, tmp_path) for case in cases[:2]]
+    expected = [task("linearize", case, tmp_path) for case in cases[:2]]
     assert handed_out == [(["first"], expected[0]), (["second"], expected[1])]
-    assert [chain.named for chain in run.waiting] == cases[2:]
-    assert [run.running[name].chain.named for name in ("first", "second")] == cases[:2]
+    assert [run.running[name].work.chain.named for name in ("first", "second")] == cases[:2]
+    assert [bool(chain.begun) for chain in agenda.chains] == [True, True, False]
 
 
 def test_the_port_of_dashboards_stays_free() -> None:

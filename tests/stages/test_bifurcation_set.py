@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,13 +15,21 @@ from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
-from pipelines.stages.curves.bifurcation_set import Line, covered, lines_of_round, lowest_speed
+from pipelines.stages.curves.bifurcation_set import (
+    Line,
+    covered,
+    lines_of_round,
+    lowest_speed,
+    plan_bifurcation_set,
+)
 from pipelines.stages.curves.rows import CONTAINERS, traced
 from pipelines.stages.curves.starts import StartQueue, starts_of
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.reports.operating_range import set_cautions
+from pipelines.stages.scheduling import campaign
 from tests.helpers.tiny import PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
+from tests.helpers.virtual_workers import VirtualWorkers
 
 pytestmark = pytest.mark.slow
 
@@ -218,3 +229,39 @@ def test_a_curve_that_no_line_meets_starts_where_a_followed_one_crosses_it(tmp_p
     # the other side of the tongue crosses the same line, which is followed once
     crossings = [label for curve in line for label in curve.labels("event_kind")]
     assert crossings == ["flip_neimark_sacker"]
+
+
+def test_any_number_of_workers_gives_the_same_bytes(
+    searched: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On workers that exist in virtual time, where a point takes one unit of time."""
+    monkeypatch.setattr(campaign, "Event", lambda name: SimpleNamespace(is_set=lambda: False))
+    virtual = VirtualWorkers(tiny_case(*WINDOW), tmp_path, duration=lambda seconds, points: float(points))
+    runs = {workers: virtual.run(("continue_cycles", "bifurcation_set"), workers) for workers in (2, 16)}
+    for workers, run in runs.items():
+        assert all(result.ok for result in run.results)
+        assert compare_trees(searched / "cases", tmp_path / f"{workers}.zarr" / "cases") == [], workers
+        assert verify(tmp_path / f"{workers}.zarr") == []
+    alone = sum(span.end - span.begin for span in runs[2].spans)
+    assert alone / runs[2].duration >= 1.7
+    assert runs[16].width(0.0) == 5, "the branch, and the lines of both rounds"
+    assert max(runs[16].width(span.begin) for span in runs[16].spans) >= 8
+
+
+def test_what_was_traced_ahead_takes_its_turn(searched: Path, tmp_path: Path) -> None:
+    """Whole, interrupted, or not needed: one process goes on to the same bytes."""
+    path = tmp_path / "a.zarr"
+    shutil.copytree(searched, path)
+    for name in ("pd", "ns", "bifurcation_set"):
+        shutil.rmtree(path / "cases" / "smoke" / name)
+    plan = plan_bifurcation_set(tiny_case(*WINDOW), path, lambda progress: None, lambda: False)
+    first, *ahead = plan.parts()
+    assert first.group == "pd/c000"
+    assert all(part.doubtful and part.group.startswith("ahead/") for part in ahead)
+    plan.compute(ahead[0], plan.job)
+    plan.compute(ahead[1], replace(plan.job, should_stop=lambda: True))
+    plan.compute(ahead[-1], plan.job)
+    assert plan.job.groups("ahead") == sorted(part.group for part in (*ahead[:2], ahead[-1]))
+    assert verify(path) == []
+    assert Watched("bifurcation_set", tiny_case(*WINDOW), path).result.ok
+    assert compare_trees(searched, path) == []

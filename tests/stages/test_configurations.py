@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.helpers.tiny import ROOT, Watched, tiny_case
+from tests.helpers.configurations import FILES
+from tests.helpers.tiny import Watched, tiny_case
 
-CONFIGS = sorted((ROOT / "configs").rglob("*.toml"))
 SAME_MACHINE = {"fig4", "fig5", "fig6"}  # as fig3, whose equilibria are theirs
 RUNS = [
     (stage, config)
     for stage in ("linearize", "criticals", "continue_cycles")
-    for config in CONFIGS
+    for config in FILES
     if stage == "continue_cycles" or config.stem not in SAME_MACHINE
 ]
 

@@ -34,10 +34,12 @@ from pipelines.stages.refinement.levels import (
     Refinement,
     build_level,
     estimate,
+    formal_order,
     grid_family,
     refine_point,
 )
 from pipelines.stages.refinement.points import StoredPoint, stored_points
+from pipelines.stages.refinement.refine import plan_refine
 from tests.helpers.tiny import CONFIG, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 from tests.machines import case as reconstruction
@@ -165,15 +167,23 @@ def test_points_of_branches_and_curves(refined: Path) -> None:
 
 
 def test_a_refinement_goes_on_with_the_same_bytes(tmp_path: Path, traced: Path, refined: Path) -> None:
-    """After more points were asked for, and after an interruption; never again, and never on other grids."""
+    """After more points were asked for, after an interruption, and where another process was ahead.
+
+    Never again, and never on other grids.
+    """
     path = tmp_path / "a.zarr"
     none, one = (tiny_case(*CHEAP, f"refine.points_per_curve={count}") for count in (0, 1))
     shutil.copytree(traced, path)
     assert Watched("refine", none, path).result.summary["points"] == 1, "both curves start at the event"
+    plan = plan_refine(one, path, lambda progress: None, lambda: False)
+    *_, last = plan.parts()
+    plan.compute(last, plan.job)
+    assert plan.job.groups("ahead") == [last.group]
     stopped = Watched("refine", one, path, stop_after=1)
     assert (stopped.result.stop_reason, stopped.finished) == ("stopped on request", 1)
+    assert (stopped.reported[-1].done, stopped.reported[-1].total) == (2, 3)
     resumed = Watched("refine", one, path)
-    assert resumed.reported[-1].done == resumed.reported[-1].total == 3
+    assert resumed.reported == []
     assert compare_trees(refined, path) == []
     for case in (none, one):
         again = Watched("refine", case, path)
@@ -199,6 +209,12 @@ def test_the_family_of_grids() -> None:
     ]
     paper = reconstruction((40, 4), numerics={"scheme": "backward", "axial_scheme": "uniform"})
     assert [(g.circumferential, g.axial) for g in grid_family(paper)] == [(40, 4), (60, 6), (90, 9)]
+    assert formal_order(central) == 2
+    assert formal_order(paper) == 1
+    fourth = reconstruction((24, 3), numerics={"scheme": "fourth_order"})
+    assert formal_order(fourth) == 4
+    mixed = reconstruction((24, 3), numerics={"scheme": "fourth_order", "axial_scheme": "uniform"})
+    assert formal_order(mixed) == 2
     close = reconstruction((8, 1), refine={"factors": (1.01, 1.02)})
     assert [g.circumferential for g in grid_family(close)] == [8, 9, 10, 8]
 

@@ -69,8 +69,12 @@ def test_extreme_pressures() -> None:
 
 
 @pytest.mark.parametrize("periodic", [True, False])
-@pytest.mark.parametrize("grid", [(24, 2), DEFAULT_GRID])
-def test_pressure_stays_positive_at_high_bearing_numbers(periodic: bool, grid: tuple[int, int]) -> None:
+@pytest.mark.parametrize(
+    ("grid", "scheme"), [((24, 2), "central"), (DEFAULT_GRID, "central"), ((24, 3), "fourth_order")]
+)
+def test_pressure_stays_positive_at_high_bearing_numbers(
+    periodic: bool, grid: tuple[int, int], scheme: str
+) -> None:
     """eps = 0.8 up to Lambda = 50: Newton from the ambient film ends at a positive pressure.
 
     The edge line lies in the worst place, at the smallest film, and across the load.
@@ -79,7 +83,10 @@ def test_pressure_stays_positive_at_high_bearing_numbers(periodic: bool, grid: t
     for slenderness, stiffness, speed, direction in product(
         (0.5, 1.0, 2.0), (np.inf, 10.0, 3.0), (5.0, 20.0, 50.0), directions
     ):
-        case = film(grid, slenderness=slenderness, speed=speed, foil_stiffness=stiffness, periodic=periodic)
+        case = film(
+            grid, slenderness=slenderness, speed=speed, foil_stiffness=stiffness, periodic=periodic,
+            scheme=scheme,
+        )  # fmt: skip
         position = (0.8 * np.cos(direction), 0.8 * np.sin(direction))
         lowest = case.state(case.steady(position), position).padded_pressure.min()
         # A film that starts at ambient pressure on the edge where h = 0.2 keeps p h: p >= 0.2/1.8 = 0.11.

@@ -2,8 +2,10 @@
 
 Measured, k_f = 10, foil edge at theta = 0, Gümbel clipping:
 
-    24 x 2   40 x 3   64 x 3   96 x 4   160 x 5  | backward, uniform: 40 x 5   80 x 10
-    1.0848   1.0807   1.0808   1.0809   1.0812   |                    1.1254   1.0986
+    second order    24 x 2   40 x 3   96 x 4   160 x 5  | backward, uniform: 40 x 5   80 x 10
+                    1.0787   1.0814   1.0815   1.0815   |                    1.1263   1.0993
+    fourth order    24 x 3   32 x 3   40 x 3   48 x 4   96 x 4
+                    1.0800   1.0813   1.0811   1.0815   1.0815
 """
 
 from __future__ import annotations
@@ -55,6 +57,25 @@ def test_second_order(clipping: str, film: str, bracket: tuple[float, float], co
     speeds = [instability_speed((count * coarsest, 4), bracket, clipping, film) for count in (1, 2, 4)]
     order = np.log2(abs((speeds[1] - speeds[0]) / (speeds[2] - speeds[1])))
     assert order == pytest.approx(2.0, abs=0.3)
+
+
+def test_fourth_order() -> None:
+    speeds = [
+        instability_speed((count, 4), (0.62, 0.67), "full", "periodic", scheme="fourth_order")
+        for count in (24, 48, 96)
+    ]
+    assert np.log2(abs((speeds[1] - speeds[0]) / (speeds[2] - speeds[1]))) == pytest.approx(4.0, abs=0.2)
+
+
+def test_fourth_order_with_clipping_and_an_edge() -> None:
+    errors = [
+        abs(instability_speed(grid, scheme="fourth_order") - GUMBEL_LIMIT)
+        for grid in ((24, 3), (32, 3), (48, 4))
+    ]
+    assert (np.diff(errors) < 0.0).all()
+    assert errors[0] <= 1.5e-3 * GUMBEL_LIMIT
+    assert errors[1] <= 2e-4 * GUMBEL_LIMIT + GUMBEL_LIMIT_UNCERTAINTY
+    assert errors[2] <= 1e-4 * GUMBEL_LIMIT + GUMBEL_LIMIT_UNCERTAINTY
 
 
 def test_instability_of_clipped_films_with_an_edge() -> None:

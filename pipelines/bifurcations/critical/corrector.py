@@ -39,6 +39,7 @@ from pipelines.bifurcations.critical.cycle_manifold import (
     ManifoldStep,
     PicardColumns,
     manifold_step,
+    refined_step,
 )
 from pipelines.bifurcations.critical.extended_system import correct_extended
 from pipelines.bifurcations.critical.testfunctions import critical_of
@@ -121,7 +122,8 @@ def _correct_bordered(
             return history.given_up(NewtonStop.DIVERGED, at)
         if history.stuck(at.problem):
             return history.given_up(NewtonStop.STUCK, at)
-        step = manifold_step(linear, (constraint.row, constraint.across), (constraint.gap(at.position), 0.0))
+        rows = constraint.row, constraint.across
+        step = manifold_step(linear, rows, (constraint.gap(at.position), 0.0))
         if step is None:
             return history.ended(NewtonStop.SINGULAR)
         if history.stalls:
@@ -131,7 +133,9 @@ def _correct_bordered(
             return history.ended(NewtonStop.SINGULAR)
         # beta = -(g + gamma d_r)/(gamma t)
         beta = -(critical.value + gradient.dot(step.correction)) / slope
-        moved, last = step.correction.plus(step.across, beta), critical.value
+        moved, last = refined_step(linear, rows, step, beta), critical.value
+        if moved is None:
+            return history.ended(NewtonStop.SINGULAR)
         at, basis = at.beside(moved, 1.0), following(basis, linear.image.columns)
         vectors = Vectors(critical.right, critical.right_period or 0.0)
         warm = linear.picard
@@ -156,7 +160,7 @@ def _measured(
     step: ManifoldStep,
     metric: PlaneMetric,
 ) -> Position:
-    """The gradient row made exact along both parts of the step, at the cost of two pairs of passes."""
+    """The gradient row made exact along both parts of the step, at the cost of three passes."""
     across = metric.unit(step.across)
     rest = step.correction.plus(across, -metric.inner(across, step.correction))
     size = metric.norm(rest)

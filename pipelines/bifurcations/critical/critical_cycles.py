@@ -162,13 +162,15 @@ def critical_derivatives(
 ) -> CriticalDerivatives:
     """dg and d tr A along each direction.
 
-    From one pair of passes with the m critical columns per direction.
+    From one pass with the m critical columns per direction, two if the period is unknown.
     """
     count = critical.right.shape[1]
     weights = None
     if critical.right_period is not None:
         weights = np.array([critical.right_period * linear.period_unit])
-    slopes, phases = map_slopes(linear.at, critical.right, weights, directions, linear.scale, metric)
+    slopes, phases = map_slopes(
+        linear.at, linear.image, critical.right, weights, directions, linear.scale, metric
+    )
     left = left_products(linear, critical, slopes, phases, _LEFT_TOLERANCE)
     parts = [left[:, count * i : count * (i + 1)] for i in range(len(directions))]
     return CriticalDerivatives(

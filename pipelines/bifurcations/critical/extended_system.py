@@ -143,7 +143,7 @@ def _extended_step(
     count, columns = vectors.shape[1], basis.shape[1]
     matrix, derivative = _rotation(kind, angle)
     directions = (step.correction, step.across)
-    slopes, _ = map_slopes(at, vectors, None, directions, linear.scale, metric)
+    slopes, _ = map_slopes(at, linear.image, vectors, None, directions, linear.scale, metric)
     # sources of dR: the constant side, beta, theta
     parts = [defect + slopes[:, :count], slopes[:, count:]]
     if count == 2:

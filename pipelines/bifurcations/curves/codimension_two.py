@@ -97,21 +97,21 @@ def special_tests(
     kind: EventKind,
     multipliers: Complex,
     critical: Critical,
-    coefficient: NormalForm | None,
     curvature: float,
     scale: float,
     autonomous: bool,
 ) -> Vector:
     """Values (11,) in the order of ``SpecialKind``; NaN where a test does not belong to the kind of curve.
 
+    Those of normal forms are left out: see ``with_form_test``.
+
     ``curvature``: p.B(q, q) times the alignment of a fold; ``scale`` of the states on the orbit, which takes
-    the unit from the coefficients.
+    the unit from it.
     """
     others = other_multipliers(kind, multipliers, critical.cos_theta, autonomous)
     first, second = np.triu_indices(len(others), k=1)
     folds, flips = signed_smallest(1.0 - others), signed_smallest(1.0 + others)
     pairs = signed_smallest(1.0 - others[first] * others[second])
-    form = math.nan if coefficient is None else scale**2 * coefficient.coefficient.real
     cos_theta, aligned = critical.cos_theta, critical.alignment
     tests = {
         EventKind.NEIMARK_SACKER: {
@@ -119,13 +119,11 @@ def special_tests(
             SpecialKind.FOLD_NEIMARK_SACKER: folds,
             SpecialKind.FLIP_NEIMARK_SACKER: flips,
             SpecialKind.DOUBLE_NEIMARK_SACKER: pairs,
-            SpecialKind.CHENCINER: form,
         },
         EventKind.PERIOD_DOUBLING: {
             SpecialKind.R2: aligned,
             SpecialKind.FOLD_FLIP: folds,
             SpecialKind.FLIP_NEIMARK_SACKER: pairs,
-            SpecialKind.GENERALISED_FLIP: form * aligned,
         },
         EventKind.FOLD: {
             SpecialKind.R1: folds if autonomous else aligned,
@@ -135,6 +133,25 @@ def special_tests(
         },
     }
     return np.array([tests[kind].get(special, math.nan) for special in SpecialKind])
+
+
+def with_form_test(
+    tests: Vector, kind: EventKind, form: NormalForm | None, alignment: float, scale: float
+) -> Vector:
+    """The tests with that of the coefficient of a ``form``, made free of its unit by ``scale``.
+
+    Unchanged without a form, and on a fold.
+    """
+    special = {
+        EventKind.NEIMARK_SACKER: SpecialKind.CHENCINER,
+        EventKind.PERIOD_DOUBLING: SpecialKind.GENERALISED_FLIP,
+    }.get(kind)
+    if form is None or special is None:
+        return tests
+    changed = tests.copy()
+    aligned = alignment if special is SpecialKind.GENERALISED_FLIP else 1.0
+    changed[special - 1] = scale**2 * form.coefficient.real * aligned
+    return changed
 
 
 def resonance_tests(cos_theta: float) -> dict[SpecialKind, float]:

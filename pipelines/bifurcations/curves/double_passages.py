@@ -11,18 +11,14 @@ import numpy as np
 
 from pipelines.bifurcations.continuation import hermite_weights
 from pipelines.bifurcations.curve import SpecialKind
-from pipelines.bifurcations.curves.segment import (
-    Bracket,
-    CurveSegment,
-    NotConvergedError,
-    SegmentPoints,
-    root,
-)
+from pipelines.bifurcations.curves.segment import Bracket, CurveSegment, NotConvergedError, SegmentPoints
 from pipelines.bifurcations.cycles.double_crossings import lowest_beyond, lowest_inside
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
+from pipelines.bifurcations.roots import Node, zero
 
 _DIP = 0.5  # share of the nearer end below which a minimum of 1 -+ cos_theta inside a segment is looked at
 _ARRIVED = 1e-9  # distance of cos_theta from 1 or -1 at which a segment ends just on the second passage
+_LOWEST = 1e-4  # of the segment: beside its minimum cos theta changes by the square of that
 _LOOKS = 3  # places at which a dip is looked for, each the lowest one of a better parabola
 
 
@@ -70,16 +66,16 @@ def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, 
     before = 1.0 - sign * start[0]
     if not _may_dip(segment, sign, before, start[1]):
         return None
-    known = {0.0: start[1], 1.0: segment.end.cos_theta_slope}
+    ends = Node(0.0, start[1]), Node(1.0, segment.end.cos_theta_slope)
 
     def slope(fraction: float) -> float:
-        value = known[fraction] if fraction in known else points.end(fraction, None, False).cos_theta_slope
+        value = points.end(fraction, None, False).cos_theta_slope
         if not np.isfinite(value):
             raise NotConvergedError
         return value
 
     try:
-        lowest = root(slope, 0.0, 1.0, 1e-6)
+        lowest = zero(slope, *ends, _LOWEST)
         beyond = sign * points.critical(lowest).cos_theta - 1.0
     except NotConvergedError:
         return None

@@ -21,7 +21,7 @@ from pipelines.bifurcations.critical.cycle_manifold import manifold_tangents
 from pipelines.bifurcations.critical.testfunctions import critical_of
 from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveStart, CurveState, SpecialKind
 from pipelines.bifurcations.curves.codimension_two import resonant_end
-from pipelines.bifurcations.curves.segment import CurveEnd, curve_end
+from pipelines.bifurcations.curves.segment import CurveEnd, curve_end, with_normal_form
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import CurveProblem, MapAt, PlaneMetric, Position, metric_of
 from pipelines.orbits.floquet import adapted_basis
@@ -58,6 +58,7 @@ def start_curve(
     if resonant_end(problem.kind, opened.point.cos_theta) is not None:
         opened = _facing_inwards(problem, opened, options, metric)
     opened = replace(opened, point=replace(opened.point, step_error=required.error))
+    opened = with_normal_form(opened, metric, options.normal_form)
     at = opened.position
     if problem.period_map.autonomous:
         opened = _measured_by(opened, curve_metric(problem, options, at))
@@ -198,10 +199,15 @@ def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
     }
 
 
-def required_steps_of(problem: CurveProblem, found: CriticalCycle | CurveEnd) -> RequiredSteps:
-    """Steps per period that a corrected point asks for, and what those in use leave."""
+def required_steps_of(
+    problem: CurveProblem, found: CriticalCycle | CurveEnd, neighbour: RequiredSteps | None = None
+) -> RequiredSteps:
+    """Steps per period that a corrected point asks for, and what those in use leave.
+
+    ``neighbour`` as in ``required_steps``.
+    """
     if isinstance(found, CriticalCycle):
         basis, image = found.linear.basis, found.linear.image
     else:
         basis, image = found.point.cycle.basis, found.point.cycle.image
-    return required_steps_at(problem.period_map, problem.options, basis, image)
+    return required_steps_at(problem.period_map, problem.options, basis, image, neighbour)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pipelines.bifurcations.continuation import CubicPiece
 from pipelines.bifurcations.critical.bordering import next_bordering
@@ -26,11 +24,13 @@ from pipelines.bifurcations.curves.codimension_two import (
     other_multipliers,
     resonance_tests,
     special_tests,
+    with_form_test,
 )
 from pipelines.bifurcations.detection import EventKind
-from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
+from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.normal_forms.smoothed import smoothed_normal_form
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
+from pipelines.bifurcations.roots import Node, zero
 from pipelines.orbits.floquet import floquet_spectrum
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import Cycle
@@ -39,6 +39,7 @@ from pipelines.orbits.system import Matrix, Vector
 _RECORDED = 1e-7  # residual asked of the multipliers of an ordinary point
 _RECORDED_LEFT, _SHARP_LEFT = 1e-6, 1e-10  # last term of the series for left vectors, likewise
 _END_WIDTH = 1e-10  # of arclength: cos_theta changes by far less than what counts as its end
+_NOISE = 0.1  # share of the tolerance of a test function below which cos theta tells nothing
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,10 @@ class CurveEnd:
 
     ``tangent`` and ``normal``: orthonormal tangents of the surface of cycles, along and across the curve;
     ``gradient``: row of the test function, exact on both; ``tests`` (11,) in the order of ``SpecialKind``;
-    ``cos_theta_slope``: d cos_theta/d arclength.
+    ``cos_theta_slope``: d cos_theta/d arclength; ``found``: the critical cycle, without factors.
     """
 
+    found: CriticalCycle
     point: CurvePoint
     position: Position
     tangent: Position
@@ -69,10 +71,11 @@ def curve_end(
     bordering: BorderingVectors,
     precise: bool = False,
 ) -> CurveEnd | None:
-    """Tangents, spectrum, tests and normal form at a corrected point; None when its tangent is singular.
+    """Tangents, spectrum and tests at a corrected point; None when its tangent is singular.
 
-    ``sense``: a direction that the tangent must not oppose; ``bordering``: the one it was corrected with;
-    ``precise``: multipliers and left vectors as sharp as the options ask, to locate special points.
+    ``sense``: a direction that the tangent must not oppose; ``options``: of its normal form, for which
+    ``with_normal_form`` needs sharp left vectors; ``bordering``: the one it was corrected with; ``precise``:
+    multipliers and left vectors as sharp as the options ask, to locate special points.
     """
     sharp = found.linear.at.problem.options.multiplier_tolerance
     found = with_converged_multipliers(found, bordering, sharp if precise else max(sharp, _RECORDED))
@@ -85,22 +88,31 @@ def curve_end(
     tangent, normal, gradient, cos_theta_slope = directions
     linear, metric = found.linear, constraint.metric
     bordering = next_bordering(linear.basis, found.critical)
-    form: NormalForm | None = None
-    if options is not None:
-        plane = metric.row(tangent)
-        across = CurveConstraint(plane, plane.dot(found.position), metric.row(normal), gradient, metric)
-        form = smoothed_normal_form(found, bordering, across, options)
-    point = _point(correction, found, form)
+    point = _point(correction, found)
     tests = special_tests(
         linear.at.problem.kind,
         point.cycle.spectrum.multipliers,
         found.critical,
-        point.normal_form,
         _fold_curvature(found, metric),
         linear.scale,
         linear.at.problem.period_map.autonomous,
     )
-    return CurveEnd(point, found.position, tangent, normal, gradient, bordering, tests, cos_theta_slope)
+    found = found.without_factors()
+    return CurveEnd(
+        found, point, found.position, tangent, normal, gradient, bordering, tests, cos_theta_slope
+    )
+
+
+def with_normal_form(end: CurveEnd, metric: PlaneMetric, options: NormalFormOptions | None) -> CurveEnd:
+    """The end with its normal form and its test, which cost more passes than the point; unchanged without."""
+    if options is None:
+        return end
+    plane = metric.row(end.tangent)
+    across = CurveConstraint(plane, plane.dot(end.position), metric.row(end.normal), end.gradient, metric)
+    form = smoothed_normal_form(end.found, end.bordering, across, options)
+    kind, scale = end.point.kind, end.found.linear.scale
+    tests = with_form_test(end.tests, kind, form, end.found.critical.alignment, scale)
+    return replace(end, point=replace(end.point, normal_form=form), tests=tests)
 
 
 class _Directions(NamedTuple):
@@ -169,7 +181,7 @@ def _lengths(critical: Critical) -> float:
     return float(np.linalg.norm(critical.left) * np.linalg.norm(critical.right) ** 2)
 
 
-def _point(correction: CurveCorrection, found: CriticalCycle, form: NormalForm | None) -> CurvePoint:
+def _point(correction: CurveCorrection, found: CriticalCycle) -> CurvePoint:
     linear, critical = found.linear, found.critical
     problem = linear.at.problem
     cycle = Cycle(
@@ -188,7 +200,7 @@ def _point(correction: CurveCorrection, found: CriticalCycle, form: NormalForm |
         critical.cos_theta,
         critical.alignment,
         critical.right,
-        form,
+        None,
         correction.residual_norms,
         correction.test_values,
     )
@@ -288,7 +300,7 @@ class SegmentPoints:
             end = curve_end(correction, point, constraint, chord, options, anchor.bordering, precise)
             if end is None:
                 raise NotConvergedError
-            self._ends[key] = end
+            self._ends[key] = with_normal_form(end, constraint.metric, options)
         return self._ends[key]
 
     def test(self, special: SpecialKind, fraction: float, options: NormalFormOptions | None) -> float:
@@ -318,19 +330,6 @@ class SegmentPoints:
         return self._corrected[fraction]
 
 
-def root(function: Callable[[float], float], low: float, high: float, width: float) -> float:
-    """A zero of a function of the fraction that changes sign between ``low`` and ``high``.
-
-    scipy's own reference to a function lasts until the garbage collector comes, and with it the points that
-    the function holds: here it is cleared.
-    """
-    held = [function]
-    try:
-        return float(brentq(lambda fraction: held[0](fraction), low, high, xtol=width))
-    finally:
-        held.clear()
-
-
 def _from_pair(points: SegmentPoints, special: SpecialKind) -> bool:
     """Whether the test is a function of cos theta, which is sharp on every corrected point."""
     return points.segment.problem.kind is EventKind.NEIMARK_SACKER and special <= SpecialKind.R4
@@ -343,15 +342,32 @@ def _form_for(special: SpecialKind, options: NormalFormOptions | None) -> Normal
 
 @dataclass(frozen=True)
 class Bracket:
-    """Two fractions of a segment between which a test changes sign.
+    """Two fractions of a segment between which a test changes sign, with its values.
 
     ``touching``: at the second one the test is at its minimum -b, and sqrt(test + b) linear in the fraction.
+    ``slopes``: its derivatives by the fraction, where they are known.
     """
 
     special: SpecialKind
     fractions: tuple[float, float]
     tests: tuple[float, float]
     touching: bool = False
+    slopes: tuple[float, float] | None = None
+
+    def seen(self, test: float) -> float:
+        """The function of the test that is nearly linear in the fraction."""
+        if not self.touching:
+            return test
+        lowest = -self.tests[1]
+        return float(np.sqrt(max(0.0, test + lowest)) - np.sqrt(lowest))
+
+    def ends(self) -> tuple[Node, Node]:
+        """Both fractions with what is known there."""
+        low, high = (
+            Node(fraction, self.seen(test), None if self.slopes is None else self.slopes[i])
+            for i, (fraction, test) in enumerate(zip(self.fractions, self.tests, strict=True))
+        )
+        return low, high
 
 
 def locate_special(
@@ -367,19 +383,15 @@ def locate_special(
     """
     segment, special = points.segment, bracket.special
     from_pair, with_form = _from_pair(points, special), _form_for(special, options)
-    known = dict(zip(bracket.fractions, bracket.tests, strict=True))
 
     def test(fraction: float) -> float:
-        value = known[fraction] if fraction in known else points.test(special, fraction, options)
-        if bracket.touching:
-            lowest = -bracket.tests[1]
-            return float(np.sqrt(max(0.0, value + lowest)) - np.sqrt(lowest))
-        return value
+        return bracket.seen(points.test(special, fraction, options))
 
     try:
         if from_pair and special <= SpecialKind.R2:
             width = min(width, _END_WIDTH)
-        fraction = root(test, *bracket.fractions, max(width / segment.length, 1e-14))
+        enough = _NOISE * segment.problem.options.multiplier_tolerance if from_pair else 0.0
+        fraction = zero(test, *bracket.ends(), max(width / segment.length, 1e-14), enough)
         end = segment.end if fraction == 1.0 else points.end(fraction, with_form, not from_pair)
     except NotConvergedError:
         return None

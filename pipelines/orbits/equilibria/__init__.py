@@ -5,5 +5,6 @@
 - modes: oscillating modes at one speed, and their matching between speeds
 - campbell: modes followed over the speed
 - followed_mode: one mode, followed to any speed
+- synchronous_response: motion under unbalance over the speed, and its peaks
 - critical_speeds: critical speeds, their count, predicted parametric resonances
 """

@@ -49,7 +49,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from pipelines.machine.kernels import kernel
+from pipelines.machine.kernels import assign, kernel
 from pipelines.machine.lanes import LANES
 from pipelines.orbits.integration.equations import (
     combine,
@@ -177,8 +177,8 @@ def begin_step(step):  # type: ignore[no-untyped-def]
     """Make the slopes of this step those of the last one; its last slope is the first of the new step."""
     stages = step.slopes.shape[0] // 2
     for i in range(stages):
-        step.slopes[i] = step.slopes[stages + i]
-    step.slopes[stages] = step.slopes[2 * stages - 1]
+        assign(step.slopes[i], step.slopes[stages + i])
+    assign(step.slopes[stages], step.slopes[2 * stages - 1])
 
 
 @kernel()
@@ -271,21 +271,21 @@ def start_columns(equations, tangent, growth, phase, state, step, columns):  # t
     slope = step.slopes[step.slopes.shape[0] - 1]
     _add_inhomogeneous(equations, growth, 1.0, phase, state, slope, step, started)
     for chunk in range(started.shape[0]):
-        columns.slopes[chunk, columns.slopes.shape[1] - 1] = started[chunk]
+        assign(columns.slopes[chunk, columns.slopes.shape[1] - 1], started[chunk])
 
 
 @kernel()
 def begin_columns(columns):  # type: ignore[no-untyped-def]
     """Make the last slopes of a step the first of the next."""
     for chunk in range(columns.slopes.shape[0]):
-        columns.slopes[chunk, 0] = columns.slopes[chunk, columns.slopes.shape[1] - 1]
+        assign(columns.slopes[chunk, 0], columns.slopes[chunk, columns.slopes.shape[1] - 1])
 
 
 @kernel()
 def end_columns(columns):  # type: ignore[no-untyped-def]
     """Make the last stage of a step the beginning of the next."""
     for chunk in range(columns.lanes.shape[0]):
-        columns.lanes[chunk] = columns.stages[chunk]
+        assign(columns.lanes[chunk], columns.stages[chunk])
 
 
 @kernel()
@@ -311,7 +311,7 @@ def right_side(columns, chunk, a, h, i):  # type: ignore[no-untyped-def]
     """Write R'_i of a chunk into the places of Y_i and of K'_i."""
     slopes = columns.slopes[chunk]
     combine(slopes[i], columns.lanes[chunk], h, a[i], i, slopes)
-    columns.stages[chunk] = slopes[i]
+    assign(columns.stages[chunk], slopes[i])
 
 
 @kernel()

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from pipelines.machine.kernels import FACTORISE_POINTER, RATES_POINTER, SOLVE_POINTER, TANGENT_POINTER, kernel
+from pipelines.machine.kernels import ENTRY, as_factorise, as_rates, as_solve, as_tangent, assign, kernel
 from pipelines.orbits.integration.equations import Equations, phase_at
 from pipelines.orbits.integration.esdirk import (
     Method,
@@ -49,7 +49,7 @@ def _samples_within(step, steps, count):  # type: ignore[no-untyped-def]
 
 @kernel(
     types.int64(
-        RATES_POINTER, TANGENT_POINTER, FACTORISE_POINTER, SOLVE_POINTER, _MATRIX, _VECTOR, _MATRIX,
+        ENTRY, ENTRY, ENTRY, ENTRY, _MATRIX, _VECTOR, _MATRIX,
         _INT, _FLOAT, _FLOAT, _INT, _VECTOR, _VECTOR, _INTEGERS, _VECTOR, _VECTOR, _VECTOR, _MATRIX,
         _INTEGERS, _VECTOR, _MATRIX, _MATRIX, _VECTOR, _VECTOR, _VECTOR, _MATRIX,
     ),
@@ -71,8 +71,10 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
     Returns -1, or the step that failed.
     """
     stages, chunks, h = a.shape[0], lanes.shape[0], period / steps
+    rates, tangent = as_rates(rates), as_tangent(tangent)
     equations = Equations(parameters, constants, layout, work, oscillator, rates)
-    method, growth = Method(a, predictor, factorise, solve), (column_parameter, column_period, period)
+    method = Method(a, predictor, as_factorise(factorise), as_solve(solve))
+    growth = (column_parameter, column_period, period)
     own = step_views(orbit_space, state.shape[0], oscillator, stages)
     columns = columns_views(lanes, column_space, stages)
     functional[:] = 0.0
@@ -94,26 +96,26 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
             if chunks > 0:
                 linearise_stage(equations, method, h, i, growth, phase, factors, own, columns)
                 if kept.shape[0] > 0:
-                    kept[step * (stages - 1) + i - 1] = factors
+                    assign(kept[step * (stages - 1) + i - 1], factors)
         first, behind = _samples_within(step, steps, samples.shape[0])
         for k in range(first, behind):
             x = k * steps / samples.shape[0] - step
             interpolate(x, h, state, own, 0, samples[k])
             if gradient.shape[0] > 0:
                 accumulate(x, h, gradient[k], 1.0 / samples.shape[0], samples[k], columns, functional)
-        state[:] = own.stage
+        assign(state, own.stage)
         end_columns(columns)
     return -1
 
 
 @kernel(
     types.void(
-        RATES_POINTER, TANGENT_POINTER, FACTORISE_POINTER, SOLVE_POINTER, _MATRIX, _INT, _FLOAT, _VECTOR,
+        ENTRY, ENTRY, ENTRY, _MATRIX, _INT, _FLOAT, _VECTOR,
         _VECTOR, _INTEGERS, _VECTOR, _MATRIX, _VECTOR, _MATRIX, _MATRIX, _MATRIX, _VECTOR, _VECTOR, _VECTOR,
     ),
 )  # fmt: skip
 def propagate_columns(  # type: ignore[no-untyped-def]
-    rates, tangent, factorise, solve, a, steps, period, parameters, constants, layout, work, kept, state,
+    rates, tangent, solve, a, steps, period, parameters, constants, layout, work, kept, state,
     lanes, samples, gradient, functional, orbit_space, column_space,
 ):  # fmt: skip
     """Advance ``lanes`` over one period along the orbit from ``state``, with the factors ``kept``.
@@ -122,6 +124,7 @@ def propagate_columns(  # type: ignore[no-untyped-def]
     solve per stage and chunk, and have the same bits as there.
     """
     stages, chunks, h = a.shape[0], lanes.shape[0], period / steps
+    rates, tangent, solve = as_rates(rates), as_tangent(tangent), as_solve(solve)
     equations = Equations(parameters, constants, layout, work, -1, rates)
     growth = (np.zeros(0, dtype=np.int64), np.zeros(0), period)
     own = step_views(orbit_space, state.shape[0], -1, stages)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.machine.kernels import FACTORISE, RATES, SOLVE, TANGENT, entry_point
 from pipelines.machine.lanes import LANES
 from pipelines.orbits.integration.esdirk import aligned
 from pipelines.orbits.integration.implicit import propagate_columns, propagate_implicit, workspace_sizes
@@ -45,8 +47,8 @@ def explicit_pass(system: DynamicalSystem, stepper: Stepper, run: Pass) -> bool:
     space = np.zeros(workspace_size(size, columns, stepper.stages, len(run.parameters)))
     loop = propagate if system.compiled else propagate.py_func
     failed = loop(
-        system.rates, system.tangent, stepper.a, stepper.b, stepper.c,
-        run.steps, run.turn, run.period, run.oscillator,
+        entry_point(system.rates, RATES), entry_point(system.tangent, TANGENT),
+        stepper.a, stepper.b, stepper.c, run.steps, run.turn, run.period, run.oscillator,
         run.parameters, system.constants, system.layout, np.zeros(system.work_size), run.state, run.block,
         run.column_parameter, run.column_period, run.orbit, run.gradient, run.functional, space,
     )  # fmt: skip
@@ -68,8 +70,7 @@ def implicit_pass(
     keeps = keep_factors and len(lines) > 0 and run.oscillator < 0 and 8 * rows * size <= _KEPT_BYTES
     kept = np.empty((rows if keeps else 0, size))
     failed = propagate_implicit(
-        system.rates, system.tangent, system.shifted.factorise, system.shifted.solve,
-        stepper.a, stepper.c, stepper.predictor,
+        *_entries(system), stepper.a, stepper.c, stepper.predictor,
         run.steps, run.turn, run.period, run.oscillator,
         run.parameters, system.constants, system.layout, aligned(system.work_size),
         aligned(size), run.state, lines,
@@ -88,13 +89,24 @@ def columns_pass(system: DynamicalSystem, stepper: ImplicitStepper, run: Pass, f
     assert system.shifted is not None
     lines, functional = _chunked(run.block), _functional(run.block)
     orbit_space, column_space = map(aligned, workspace_sizes(run.state.size, len(lines), stepper.stages))
+    rates, tangent, _, solve = _entries(system)
     propagate_columns(
-        system.rates, system.tangent, system.shifted.factorise, system.shifted.solve,
-        stepper.a, run.steps, run.period, run.parameters, system.constants, system.layout,
-        aligned(system.work_size), factors, run.state, lines, run.orbit, run.gradient, functional,
-        orbit_space, column_space,
+        rates, tangent, solve, stepper.a, run.steps, run.period, run.parameters,
+        system.constants, system.layout, aligned(system.work_size), factors, run.state, lines,
+        run.orbit, run.gradient, functional, orbit_space, column_space,
     )  # fmt: skip
     _take(run, lines, functional)
+
+
+def _entries(system: DynamicalSystem) -> tuple[Any, Any, Any, Any]:
+    """Entry points of rates, tangent, factorise and solve."""
+    assert system.shifted is not None
+    return (
+        entry_point(system.rates, RATES),
+        entry_point(system.tangent, TANGENT),
+        entry_point(system.shifted.factorise, FACTORISE),
+        entry_point(system.shifted.solve, SOLVE),
+    )
 
 
 def _chunked(block: Matrix) -> Matrix:

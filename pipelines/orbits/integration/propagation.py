@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from pipelines.machine.kernels import RATES_POINTER, TANGENT_POINTER, kernel
+from pipelines.machine.kernels import as_rates, as_tangent, assign, kernel
 from pipelines.orbits.integration.equations import (
     Equations,
     combine,
@@ -28,10 +28,8 @@ from pipelines.orbits.integration.equations import (
 )
 
 _FLOAT = types.float64
-_INT = types.int64
 _VECTOR = types.float64[::1]
 _MATRIX = types.float64[:, ::1]
-_INTEGERS = types.int64[::1]
 
 
 @kernel(types.void(_VECTOR, _MATRIX, _VECTOR, _FLOAT, _VECTOR))
@@ -57,13 +55,7 @@ def workspace_size(size: int, columns: int, stages: int, parameters: int) -> int
     return (stages + 1) * size * (1 + columns) + 3 * size + parameters
 
 
-@kernel(
-    types.int64(
-        RATES_POINTER, TANGENT_POINTER, _MATRIX, _VECTOR, _VECTOR, _INT, _FLOAT, _FLOAT, _INT,
-        _VECTOR, _VECTOR, _INTEGERS, _VECTOR, _VECTOR, _MATRIX, _INTEGERS, _VECTOR, _MATRIX, _MATRIX,
-        _VECTOR, _VECTOR,
-    ),
-)  # fmt: skip
+@kernel()  # compiled at its first call: the default stepper is implicit
 def propagate(  # type: ignore[no-untyped-def]
     rates, tangent, a, b, c, steps, turn, period, oscillator,
     parameters, constants, layout, work, state, block, column_parameter, column_period, samples, gradient,
@@ -80,6 +72,7 @@ def propagate(  # type: ignore[no-untyped-def]
 
     Returns -1, or the step that failed.
     """
+    rates, tangent = as_rates(rates), as_tangent(tangent)
     n, m, stages, base = state.shape[0], block.shape[1], b.shape[0], system_size(state, oscillator)
     stride = steps // samples.shape[0]
     h = period / steps
@@ -94,7 +87,7 @@ def propagate(  # type: ignore[no-untyped-def]
     block_slopes = workspace[end : end + stages * n * m].reshape((stages, n * m))
     end += stages * n * m
     block_stage = workspace[end : end + n * m].reshape((n, m))
-    shifted[:] = parameters  # central differences with a parameter change this copy
+    assign(shifted, parameters)  # central differences with a parameter change this copy
     equations = Equations(shifted, constants, layout, work, oscillator, rates)
     functional[:] = 0.0
 
@@ -103,7 +96,7 @@ def propagate(  # type: ignore[no-untyped-def]
             k = step // stride
             if not _all_finite(state):
                 return step
-            samples[k] = state
+            assign(samples[k], state)
             if gradient.shape[0] > 0:
                 _accumulate_phase(state, block, gradient[k], 1.0 / gradient.shape[0], functional)
         for i in range(stages):

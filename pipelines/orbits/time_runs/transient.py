@@ -18,7 +18,18 @@ from numba import types
 from numpy.typing import NDArray
 
 from pipelines.machine.film import DISPLACEMENT_RATE, SPEED
-from pipelines.machine.kernels import FACTORISE_POINTER, RATES_POINTER, SOLVE_POINTER, kernel
+from pipelines.machine.kernels import (
+    ENTRY,
+    FACTORISE,
+    RATES,
+    SOLVE,
+    as_factorise,
+    as_rates,
+    as_solve,
+    assign,
+    entry_point,
+    kernel,
+)
 from pipelines.machine.unbalance import unbalance_factors
 from pipelines.orbits.integration.equations import Equations
 from pipelines.orbits.integration.esdirk import (
@@ -86,7 +97,7 @@ def _drive_to(t, piece, parameters, push, push_row, load):  # type: ignore[no-un
 
 @kernel(
     types.int64(
-        RATES_POINTER, FACTORISE_POINTER, SOLVE_POINTER, RATES_POINTER, _MATRIX, _VECTOR, _MATRIX,
+        ENTRY, ENTRY, ENTRY, ENTRY, _MATRIX, _VECTOR, _MATRIX,
         _VECTOR, _FLOAT, _INT, _INT, _VECTOR, _VECTOR, _INTEGERS, _VECTOR, _VECTOR, _VECTOR,
         _MATRIX, _INT, _INT, _VECTOR, _VECTOR, _FLOAT, _INT, _MATRIX, _MATRIX, _VECTOR, _INTEGERS,
     ),
@@ -108,8 +119,9 @@ def integrate(  # type: ignore[no-untyped-def]
 
     Returns a value of ``Status``.
     """
+    rates, observe = as_rates(rates), as_rates(observe)
     equations = Equations(parameters, constants, layout, work, -1, rates)
-    method, stages = Method(a, predictor, factorise, solve), a.shape[0]
+    method, stages = Method(a, predictor, as_factorise(factorise), as_solve(solve)), a.shape[0]
     own, observed = (
         step_views(space, state.shape[0], -1, stages),
         space[step_space_size(state.shape[0], stages) :],
@@ -138,10 +150,10 @@ def integrate(  # type: ignore[no-untyped-def]
         while sample < samples.shape[0] and ((next_sample + sample) * interval <= end or last):
             x = ((next_sample + sample) * interval - piece[BEGIN]) / h - step
             interpolate(min(1.0, max(0.0, x)), h, state, own, record_row, samples[sample])
-            extremes[sample] = running
-            running[:] = observed
+            assign(extremes[sample], running)
+            assign(running, observed)
             sample += 1
-        state[:] = own.stage
+        assign(state, own.stage)
         told[STEPS_DONE] += 1
         told[SAMPLES_DONE] = sample
         if told[LIMIT_HIT] >= 0:
@@ -292,7 +304,8 @@ def advance(
     try:
         with np.errstate(all="ignore"):
             status = integrate(
-                system.rates, system.shifted.factorise, system.shifted.solve, driven.observe,
+                entry_point(system.rates, RATES), entry_point(system.shifted.factorise, FACTORISE),
+                entry_point(system.shifted.solve, SOLVE), entry_point(driven.observe, RATES),
                 stepper.a, stepper.c, stepper.predictor,
                 plan.drive.pieces[piece], plan.length(piece), first, steps, _extended(parameters),
                 system.constants, system.layout, aligned(system.work_size),

@@ -2,6 +2,7 @@
 
 - calibrate: the stage
 - targets: values that a machine reaches for the targets
+- onset_nearby: an onset speed near a known one, from cycles found alone
 - onset_speed: the lowest speed of instability
 - fit: bounded least squares
 - report: report on a stored calibration

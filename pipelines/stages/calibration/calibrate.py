@@ -2,9 +2,9 @@
 
 Every machine that the search asks for is one row of the group ``calibration``, committed when all its targets
 are known.  The search itself is deterministic: a resumed one runs again over the stored rows, which cost
-nothing, and computes only what is missing.  From the second machine on branches begin below the onset of the
-nearest machine; the machine that is found is computed once more from the lowest speed, which confirms that no
-onset lies below.
+nothing, and computes only what is missing.  From the second machine on onsets are sought near those of the
+nearest machine; the machine that is found is computed once more along branches from the lowest speed, which
+confirms that no onset lies below.
 """
 
 from __future__ import annotations

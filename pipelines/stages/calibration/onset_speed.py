@@ -2,8 +2,8 @@
 
 At displacement 0 that is the first Hopf point of the equilibrium, otherwise the first bifurcation on a branch
 of cycles along the rising speed at which a multiplier leaves the unit circle.  The branch begins at the
-lowest speed, or a little below an expected onset where the cycle is stable there: then a few points are
-enough, but an instability below that start is not seen.
+lowest speed.  Near an expected onset a few cycles found alone bracket it; where they do not, the branch
+begins a little below it.  An instability below these speeds is not seen.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import Equilibrium
 from pipelines.orbits.equilibria.linear import at_speed, linear_point
 from pipelines.orbits.machine_cycles import cycle_shape, unphysical
+from pipelines.stages.calibration.onset_nearby import Cycles, onset_nearby
 from pipelines.stages.cycles.problem import continuation_options, cycle_problem
 from pipelines.stages.cycles.start import Guard, NoStart, first_cycles, first_hopf
 from pipelines.stages.linear.linearize import leading_growth
@@ -84,12 +85,32 @@ def onset_speed(
     machine, parameters = build_machine(case), parameter_vector(case)
     if parameters[film.DISPLACEMENT] == 0.0:
         return _hopf_onset(machine, parameters, interval, expected)
+    if expected is not None:
+        near = _onset_near(machine, case, interval, bifurcation, expected, should_stop)
+        if near is not None:
+            return near
     found = Onset(NO_CYCLE)
     for start in _starts(interval, expected):
         found = _onset_above(machine, case, interval, start, KINDS_OF[bifurcation], should_stop)
         if found.status not in (CENSORED_BELOW, NO_CYCLE):
             break
     return found
+
+
+def _onset_near(
+    machine: Machine,
+    case: Case,
+    interval: tuple[float, float],
+    bifurcation: str,
+    expected: float,
+    should_stop: ShouldStop,
+) -> Onset | None:
+    """The onset near the expected one from cycles found alone; None where only a branch can tell."""
+    kinds = {kind.name.lower() for kind in KINDS_OF[bifurcation]}
+    found = onset_nearby(
+        Cycles(machine, case, parameter_vector(case), kinds, should_stop), interval, expected
+    )
+    return None if found is None else Onset(FOUND, *found)
 
 
 def _starts(interval: tuple[float, float], expected: float | None) -> list[float]:

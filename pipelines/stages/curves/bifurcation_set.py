@@ -8,7 +8,9 @@ new curve.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Generator
+from dataclasses import astuple, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,17 +28,20 @@ from pipelines.machine.assembly import parameter_vector
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest, machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.stages import step_errors
+from pipelines.stages.curves.parts import compute_curve, curve_is_needed, curve_parts
 from pipelines.stages.curves.rows import CONTAINERS
 from pipelines.stages.curves.starts import StartQueue
-from pipelines.stages.curves.track_curves import curves_result, trace_all
-from pipelines.stages.cycles.branch import BranchRequest, trace_branch
+from pipelines.stages.curves.track_curves import curves_result
+from pipelines.stages.cycles.branch import BranchRequest, is_traced, trace_branch
 from pipelines.stages.cycles.start import first_hopf
 from pipelines.stages.job import Job, Origin
+from pipelines.stages.parts import Part, Plan, compute_alone, discard_all
 from pipelines.stages.results import Report, ShouldStop, StageResult
 
 Interval = tuple[float, float]
 
 GROUP = "bifurcation_set"
+LINES = "cycles/s"  # beginning of the names of their groups
 SPEED: Literal["speed"] = "speed"
 FREQUENCY: Literal["excitation_frequency"] = "excitation_frequency"
 LARGEST_ORDER = 2  # largest n of the principal resonances 2 Omega_j / n at which the first round has lines
@@ -61,37 +66,116 @@ def bifurcation_set(
 
     An interrupted search resumes after the last stored point.
     """
+    return compute_alone(plan_bifurcation_set(named, store_path, report, should_stop))
+
+
+def plan_bifurcation_set(
+    named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+) -> SearchPlan:
+    """The search of a case; each line and each direction of a curve is a part."""
     job = Job.of("bifurcation-set", named, store_path, report, should_stop)
-    if (reason := nothing_to_search(named.case)) is not None:
-        return StageResult(named.case_id, True, reason)
-    lowest = lowest_speed(job)
-    if lowest is None:
-        return StageResult(
-            named.case_id, False, f"no equilibrium of the plane leaves a film of "
-            f"{named.case.bifurcation_set.smallest_film:g} of the clearance",
-            "raise the upper end of track_curves.ranges, or lower bifurcation_set.smallest_film",
-        )  # fmt: skip
-    search = named.case.bifurcation_set
-    queue = StartQueue(job, _kinds(named.case), search.boundaries)
-    lines: list[Line] = []
-    trace_all(queue)
-    complete = False
-    for number in range(search.max_rounds):
-        fresh = lines_of_round(job, number, lowest)
-        for line in fresh:
-            if should_stop():
-                return _result(job, lines, complete)
-            trace_branch(job, _request(job, line, len(lines), lowest))
-            lines.append(line)
-            trace_all(queue)
-        if should_stop():
-            return _result(job, lines, complete)
-        first = len(lines) - len(fresh)
-        complete = number > 0 and not any(_new_curves(job, index) for index in range(first, len(lines)))
-        _write(job, lines, lowest, complete)
-        if complete:
-            break
-    return _result(job, lines, complete)
+    return SearchPlan(job, StartQueue(job, _kinds(named.case), named.case.bifurcation_set.boundaries))
+
+
+@dataclass
+class SearchPlan(Plan):
+    """Round by round: all lines of a round, then all curves that start from what is stored.
+
+    ``lines`` of the rounds whose curves are traced, and whether the search is ``complete``.
+    """
+
+    job: Job
+    queue: StartQueue
+    lines: list[Line] = field(default_factory=list)
+    complete: bool = False
+
+    @cached_property
+    def lowest(self) -> float | None:
+        """The lowest speed of the lines; None if there is nothing to search."""
+        return None if nothing_to_search(self.job.case) is not None else lowest_speed(self.job)
+
+    def parts(self, settled: bool = True) -> Generator[Part]:
+        """The missing lines of a round, or the missing curves.
+
+        Lines do not wait for what starts curves; the second round always follows the first.
+        """
+        self.lines, self.complete = [], False
+        if self.lowest is None:
+            return
+        rounds = self.job.case.bifurcation_set.max_rounds
+        for number in range(rounds):
+            fresh, missing = self._round(number, self.lowest)
+            if number > 0:
+                if not settled or (yield from self._missing_curves()):
+                    yield from missing if number == 1 else ()
+                    return
+                self.complete = number > 1 and self._last_round_was_in_vain()
+                if self.complete:
+                    return
+            if missing:
+                yield from missing
+                if number == 0 and rounds > 1:
+                    self.lines += fresh
+                    yield from self._round(1, self.lowest)[1]
+                return
+            self.lines += fresh
+        if settled and not (yield from self._missing_curves()):
+            self.complete = rounds > 1 and self._last_round_was_in_vain()
+
+    def _round(self, number: int, lowest: float) -> tuple[list[Line], list[Part]]:
+        """The lines of the round after those of `lines`, and parts for those that are missing."""
+        fresh, missing = lines_of_round(self.job, number, lowest), list[Part]()
+        for index, line in enumerate(fresh, start=len(self.lines)):
+            request = _request(self.job, line, index, lowest)
+            if not is_traced(self.job, request):
+                missing.append(Part(request.group, {"line": astuple(line), "lowest": lowest}))
+        return fresh, missing
+
+    def compute(self, part: Part, job: Job) -> None:
+        """Trace one line, or one curve in one direction."""
+        if "line" not in part.arguments:
+            compute_curve(job, part)
+            return
+        line, index = Line(*part.arguments["line"]), int(part.group.removeprefix(LINES))
+        trace_branch(job, _request(job, line, index, part.arguments["lowest"]))
+
+    def is_needed(self, part: Part) -> bool:
+        """Whether a curve that is traced ahead still may be needed."""
+        return curve_is_needed(self.job, part)
+
+    def result(self) -> StageResult:
+        """How the search ended, and how it covered the plane."""
+        job = self.job
+        if (reason := nothing_to_search(job.case)) is not None:
+            return StageResult(job.case_id, True, reason)
+        if self.lowest is None:
+            return StageResult(
+                job.case_id, False, f"no equilibrium of the plane leaves a film of "
+                f"{job.case.bifurcation_set.smallest_film:g} of the clearance",
+                "raise the upper end of track_curves.ranges, or lower bifurcation_set.smallest_film",
+            )  # fmt: skip
+        if not job.should_stop():
+            discard_all(job)
+            _write(job, self.lines, self.lowest, self.complete)
+        return _result(job, self.lines, self.complete)
+
+    def _missing_curves(self) -> Generator[Part, None, bool]:
+        """The curves from all `lines` that are missing; returns whether there are any."""
+        lines = {f"{LINES}{index:03d}" for index in range(len(self.lines))}
+        self.queue.without = frozenset(
+            group for group in self.job.groups("cycles") if group.startswith(LINES) and group not in lines
+        )
+        found = False
+        for part in curve_parts(self.queue):
+            found = True
+            yield part
+        return found
+
+    def _last_round_was_in_vain(self) -> bool:
+        last = max((line.round for line in self.lines), default=0)
+        return not any(
+            _new_curves(self.job, index) for index, line in enumerate(self.lines) if line.round == last
+        )
 
 
 def nothing_to_search(case: Case) -> str | None:
@@ -202,7 +286,7 @@ def _request(job: Job, line: Line, index: int, lowest: float) -> BranchRequest:
     )
     other = FREQUENCY if line.parameter == SPEED else SPEED
     return BranchRequest(
-        f"cycles/s{index:03d}",
+        f"{LINES}{index:03d}",
         case.model_copy(update={"continue_cycles": table}),
         direction=-1,
         fixed={other: line.fixed},
@@ -211,7 +295,7 @@ def _request(job: Job, line: Line, index: int, lowest: float) -> BranchRequest:
 
 def _new_curves(job: Job, index: int) -> int:
     """Number of curves that start from bifurcations on a line."""
-    group = f"cycles/s{index:03d}"
+    group = f"{LINES}{index:03d}"
     found = 0
     for name in job.groups(*CONTAINERS.values()):
         attributes = job.read(name, ()).attributes
@@ -224,7 +308,7 @@ def _write(job: Job, lines: list[Line], lowest: float, complete: bool) -> None:
     """Write the group that records how the plane was searched."""
     case, spec = job.case, KINDS[GROUP]
     branches = [
-        job.read(f"cycles/s{index:03d}", (line.parameter, "event_kind")) for index, line in enumerate(lines)
+        job.read(f"{LINES}{index:03d}", (line.parameter, "event_kind")) for index, line in enumerate(lines)
     ]
     reached = [
         (float(branch[line.parameter].min()), float(branch[line.parameter].max()))

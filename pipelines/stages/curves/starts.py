@@ -8,7 +8,7 @@ of their groups; each is compared with the curves traced before it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -55,22 +55,24 @@ class PendingCurve:
     known: Mapping[str, Group]
 
     @property
-    def traced_before(self) -> dict[str, KnownCurve]:
-        """The curves of the same kind and period traced before this one, by name."""
-        return {
-            name: traced(curve, self.start.problem.names)
+    def traced_before(self) -> list[str]:
+        """The names of the complete curves of the same kind and period that come before this one."""
+        return [
+            name
             for name, curve in self.known.items()
             if not (self.groups and name >= self.groups[0])
+            and curve.attributes["status"] == ENDED
             and curve.n_points > 1
             and curve.attributes["turns"] == self.start.turns
-        }
+        ]
 
 
 @dataclass
 class StartQueue:
     """The starts of a case's curves in the order of kinds and groups, read from the store at every call.
 
-    ``boundaries``: only starts that bound stable cycles.  ``settled``: starts that need no curve, whatever
+    ``boundaries``: only starts that bound stable cycles.  ``without``: branches whose bifurcations are not
+    taken into account yet.  ``settled``: starts that need no curve, whatever
     curves follow.  Of these, ``outside`` lie outside the plane, ``refused`` exceed the largest number of
     curves, and the others lie on a curve.
     """
@@ -78,32 +80,38 @@ class StartQueue:
     job: Job
     kinds: Sequence[EventKind]
     boundaries: bool = False
+    without: frozenset[str] = frozenset()
     settled: set[tuple[EventKind, Origin]] = field(default_factory=set)
     outside: int = 0
     refused: int = 0
 
-    def next(self) -> PendingCurve | None:
-        """An unfinished curve, else the first start that is on no curve yet; None if nothing is left."""
-        fresh: PendingCurve | None = None
+    def pending(self) -> Iterator[PendingCurve]:
+        """An unfinished curve if there is one; then the starts that are on no curve yet, in their order."""
+        candidates: list[PendingCurve] = []
         for kind in self.kinds:
-            known = _curves(self.job, kind)
+            known = curves_of(self.job, kind)
             origins = {name: Origin.of(curve.attributes) for name, curve in known.items()}
-            for start in starts_of(self.job, kind):
+            for start in starts_of(self.job, kind, self.without):
                 mine = tuple(name for name in known if origins[name] == start.origin)
                 if mine and not _is_finished(self.job, start, [known[name] for name in mine]):
-                    return PendingCurve(start, mine, known)
-                if mine or fresh is not None or (self.boundaries and not start.bounds):
-                    continue
-                if (kind, start.origin) not in self.settled and self._needs_curve(start, known):
-                    fresh = PendingCurve(start, (), known)
-        return fresh
+                    yield PendingCurve(start, mine, known)
+                elif not mine and (start.bounds or not self.boundaries):
+                    candidates.append(PendingCurve(start, (), known))
+        for each in candidates:
+            settled = (each.start.problem.kind, each.start.origin) in self.settled
+            if not settled and self._needs_curve(each.start, each.known):
+                yield each
+
+    def next(self) -> PendingCurve | None:
+        """The first of `pending`; None if nothing is left."""
+        return next(self.pending(), None)
 
     def _needs_curve(self, start: Start, known: Mapping[str, Group]) -> bool:
         # a double Neimark-Sacker point lies on the curve that it was found on, and starts another one
         others = (curve for name, curve in known.items() if name != start.origin.group)
         if not _is_inside(self.job, start):
             self.outside += 1
-        elif not any(_lies_on(self.job, start, curve) for curve in others):
+        elif not any(lies_on(self.job, start, curve) for curve in others):
             if len(known) < self.job.case.track_curves.max_curves:
                 return True
             self.refused += 1
@@ -113,9 +121,14 @@ class StartQueue:
 
 def _is_finished(job: Job, start: Start, halves: Sequence[Group]) -> bool:
     """Whether the curve of a start has ended in both directions, and not at the largest number of points."""
-    most = job.case.track_curves.max_points
-    ended = all(has_ended(half.attributes, half.n_points, WANTING_POINTS, most) for half in halves)
+    ended = all(has_ended_for_good(job, half) for half in halves)
     return ended and (len(halves) == len(BOTH_WAYS) or is_whole(start, halves[0]))
+
+
+def has_ended_for_good(job: Job, curve: Group) -> bool:
+    """Whether a curve has ended, and not at the largest number of points."""
+    most = job.case.track_curves.max_points
+    return has_ended(curve.attributes, curve.n_points, WANTING_POINTS, most)
 
 
 def is_whole(start: Start, curve: Group) -> bool:
@@ -130,14 +143,16 @@ def is_whole(start: Start, curve: Group) -> bool:
     return resonant_end(start.problem.kind, float(np.cos(curve["angle"][0]))) is not None
 
 
-def starts_of(job: Job, kind: EventKind) -> Iterator[Start]:
+def starts_of(job: Job, kind: EventKind, without: Collection[str] = ()) -> Iterator[Start]:
     """All starts of curves of a kind, in the order in which they are taken.
 
     First every bifurcation of the kind located on a branch, then every codimension-two point at which a
-    curve of the kind meets a stored one.
+    curve of the kind meets a stored one.  ``without``: branches that are left out.
     """
     flag = KINDS["cycles"].array("event_kind").flag(kind.name.lower())
     for group in job.groups("cycles"):
+        if group in without:
+            continue
         branch = job.read(group, EVENT_NAMES)
         if branch.attributes["status"] != ENDED:  # bifurcations found later would change the order
             continue
@@ -147,6 +162,23 @@ def starts_of(job: Job, kind: EventKind) -> Iterator[Start]:
     for other, container in CONTAINERS.items():
         for group in job.groups(container):
             yield from _starts_on_curve(job, kind, other, group)
+
+
+def start_at(job: Job, kind: EventKind, origin: Origin) -> Start:
+    """The start of a curve of a kind at its origin. Raises LookupError if none starts there."""
+    if origin.group.startswith("cycles/"):
+        return _start_at_event(job, job.read(origin.group, EVENT_NAMES), origin)
+    other = next(each for each, container in CONTAINERS.items() if origin.group.startswith(f"{container}/"))
+    for start in _starts_on_curve(job, kind, other, origin.group):
+        if start.origin == origin:
+            return start
+    raise LookupError(f"no curve starts at event {origin.event} of {origin.group}")
+
+
+def known_curves(job: Job, names: Sequence[str]) -> dict[str, KnownCurve]:
+    """Stored curves by name, as `continue_curve` takes them."""
+    free = job.case.track_curves.parameters
+    return {name: traced(job.read(name, (*TRACED, *free)), free) for name in names}
 
 
 def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
@@ -187,8 +219,8 @@ def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray)
     return CurveProblem(cycles.period_map, kind, parameters, case.track_curves.parameters, cycles.options)
 
 
-def _curves(job: Job, kind: EventKind) -> dict[str, Group]:
-    """All curves of a kind, with the arrays that ``_lies_on`` and ``traced`` need."""
+def curves_of(job: Job, kind: EventKind) -> dict[str, Group]:
+    """All curves of a kind, with the arrays that ``lies_on`` and ``traced`` need."""
     names = (*TRACED, *job.case.track_curves.parameters)
     return {group: job.read(group, names) for group in job.groups(CONTAINERS[kind])}
 
@@ -200,7 +232,7 @@ def _is_inside(job: Job, start: Start) -> bool:
     )
 
 
-def _lies_on(job: Job, start: Start, curve: Group) -> bool:
+def lies_on(job: Job, start: Start, curve: Group) -> bool:
     """Whether a start is on a stored curve of the same kind and period.
 
     A cycle over several excitation periods may be stored from the beginning of any of them: all are tried.

@@ -11,7 +11,7 @@ from pipelines.bifurcations.branch import BranchPoint, BranchResult, BranchStart
 from pipelines.bifurcations.detection import Event
 from pipelines.bifurcations.switching import doubled_branch, with_multiplied_period
 from pipelines.case.models import Case
-from pipelines.datasets.branch import BranchWriter, open_branch
+from pipelines.datasets.branch import BranchWriter, has_ended, open_branch
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.stages.cycles.problem import continuation_options, cycle_problem
 from pipelines.stages.cycles.rows import (
@@ -70,6 +70,18 @@ def request_problem(job: Job, request: BranchRequest) -> CycleProblem:
     """The cycles of a request."""
     problem = cycle_problem(job.machine, request.case, request.fixed)
     return with_multiplied_period(problem, request.turns)
+
+
+def is_traced(job: Job, request: BranchRequest) -> bool:
+    """Whether the branch of a request is in the store and has ended for good."""
+    if not job.store.has_group(job.path(request.group)):
+        return False
+    branch = job.read(request.group, ())
+    if any(branch.attributes.get(name) != value for name, value in request.attributes().items()):
+        return False  # tracing refuses it, or makes it anew
+    return has_ended(
+        branch.attributes, branch.n_points, WANTING_POINTS, request.case.continue_cycles.max_points
+    )
 
 
 def trace_branch(job: Job, request: BranchRequest) -> None:

@@ -5,7 +5,8 @@ Also the branches of period-doubled cycles that leave them.  Every point is comm
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,20 @@ from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.schema import KINDS
 from pipelines.stages import step_errors
-from pipelines.stages.cycles.branch import BranchRequest, trace_branch
+from pipelines.stages.cycles.branch import BranchRequest, is_traced, trace_branch
 from pipelines.stages.cycles.problem import is_self_excited
 from pipelines.stages.ending import is_success
 from pipelines.stages.job import Job, Origin
+from pipelines.stages.parts import (
+    Part,
+    Plan,
+    compute_alone,
+    discard_all,
+    group_ahead,
+    has_group,
+    has_status_ended,
+    take_turn,
+)
 from pipelines.stages.results import Report, ShouldStop, StageResult
 
 DIRECTIONS = {"up": (1,), "down": (-1,), "both": (1, -1)}
@@ -32,15 +43,91 @@ def continue_cycles(
 
     Period-doubled branches fill ``cycles/d000``, ...; resumes after the last point.
     """
-    job = Job.of("continue-cycles", named, store_path, report, should_stop)
-    groups = []
-    for number, direction in enumerate(directions(named.case)):
-        if should_stop():
-            break
-        groups.append(f"cycles/b{number:03d}")
-        trace_branch(job, BranchRequest(groups[-1], named.case, direction))
-    doubled = _trace_doubled(job, groups)
-    return _result(job, groups, doubled)
+    return compute_alone(plan_continue_cycles(named, store_path, report, should_stop))
+
+
+def plan_continue_cycles(
+    named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+) -> BranchesPlan:
+    """The branches of a case, each a part."""
+    return BranchesPlan(Job.of("continue-cycles", named, store_path, report, should_stop))
+
+
+@dataclass(frozen=True)
+class BranchesPlan(Plan):
+    """One branch in each direction; then the period-doubled branches, level by level.
+
+    A doubled branch is not traced if one before it ends at its period doubling.
+    """
+
+    job: Job
+
+    def parts(self, settled: bool = True) -> Iterator[Part]:
+        """The branches that are missing."""
+        requests = _requests(self.job)
+        missing = [request for request in requests if not is_traced(self.job, request)]
+        yield from (Part(request.group, {"direction": request.direction}) for request in missing)
+        if not missing:
+            yield from self._doubled_parts([request.group for request in requests])
+
+    def compute(self, part: Part, job: Job) -> None:
+        """Trace one branch."""
+        if "direction" in part.arguments:
+            trace_branch(job, BranchRequest(part.group, job.case, part.arguments["direction"]))
+            return
+        origin = Origin(*part.arguments["origin"])
+        trace_branch(job, _doubled_request(job, part.group, part.arguments["level"], origin))
+
+    def result(self) -> StageResult:
+        """How the branches ended."""
+        job = self.job
+        groups = [request.group for request in _requests(job) if has_group(job, request.group)]
+        doubled = [group for group in job.groups("cycles") if group.startswith("cycles/d")]
+        if not job.should_stop():
+            discard_all(job)
+        return _result(job, groups, doubled)
+
+    def _doubled_parts(self, parents: Sequence[str]) -> Iterator[Part]:
+        groups: list[str] = []
+        for level in range(self.job.case.continue_cycles.doublings):
+            found, missing = [], False
+            for origin in _period_doublings(self.job, parents):
+                if _ends_at(self.job, groups, origin):
+                    continue
+                part = self._doubled_part(level, origin, None if missing else f"cycles/d{len(groups):03d}")
+                if part is not None:
+                    missing = True
+                    yield part
+                elif not missing:
+                    groups.append(f"cycles/d{len(groups):03d}")
+                    found.append(groups[-1])
+            if missing:
+                return
+            parents = found
+
+    def _doubled_part(self, level: int, origin: Origin, group: str | None) -> Part | None:
+        """What is missing of a doubled branch; ``group`` is None while others before it are missing."""
+        job, ahead = self.job, group_ahead("cycles", origin)
+        arguments = {"origin": [origin.group, origin.event], "level": level}
+        if group is None:
+            return None if has_status_ended(job, ahead) else Part(ahead, arguments, doubtful=True)
+        if not has_group(job, group) and has_group(job, ahead):
+            if not has_status_ended(job, ahead):
+                return Part(ahead, arguments)
+            take_turn(job, ahead, group)
+        traced = is_traced(job, _doubled_request(job, group, level, origin))
+        return None if traced else Part(group, arguments)
+
+
+def _requests(job: Job) -> list[BranchRequest]:
+    return [
+        BranchRequest(f"cycles/b{number:03d}", job.case, direction)
+        for number, direction in enumerate(directions(job.case))
+    ]
+
+
+def _doubled_request(job: Job, group: str, level: int, origin: Origin) -> BranchRequest:
+    return BranchRequest(group, job.case, turns=2 ** (level + 1), origin=origin)
 
 
 def directions(case: Case) -> tuple[int, ...]:
@@ -51,24 +138,7 @@ def directions(case: Case) -> tuple[int, ...]:
     return DIRECTIONS[table.direction]
 
 
-def _trace_doubled(job: Job, parents: list[str]) -> list[str]:
-    """Branches of twice, four times, ... the period, each from a period doubling of the previous level."""
-    groups: list[str] = []
-    for level in range(job.case.continue_cycles.doublings):
-        found: list[str] = []
-        for origin in _period_doublings(job, parents):
-            if job.should_stop():
-                return groups
-            if _ends_at(job, groups, origin):
-                continue
-            groups.append(f"cycles/d{len(groups):03d}")
-            found.append(groups[-1])
-            trace_branch(job, BranchRequest(groups[-1], job.case, turns=2 ** (level + 1), origin=origin))
-        parents = found
-    return groups
-
-
-def _period_doublings(job: Job, groups: list[str]) -> Iterator[Origin]:
+def _period_doublings(job: Job, groups: Sequence[str]) -> Iterator[Origin]:
     """Located period doublings of the groups, in order."""
     for group in groups:
         arrays = job.read(group, ("event_kind", "event_residual")).arrays
@@ -79,7 +149,7 @@ def _period_doublings(job: Job, groups: list[str]) -> Iterator[Origin]:
                 yield Origin(group, index)
 
 
-def _ends_at(job: Job, groups: list[str], origin: Origin) -> bool:
+def _ends_at(job: Job, groups: Sequence[str], origin: Origin) -> bool:
     """Whether one of the doubled branches has returned to this period doubling.
 
     It then lies within the last step of that branch.

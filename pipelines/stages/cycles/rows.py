@@ -215,7 +215,8 @@ def stored_event(branch: Group, index: int) -> Event:
     )
 
 
-RESUMED = ("state", "period", "multipliers", "multiplier_count", "arclength")  # what a branch goes on from
+# what a branch goes on from
+RESUMED = ("state", "period", "tangent", "multipliers", "multiplier_count", "arclength")
 
 
 def resumed_state(newest: Resume, rows: Mapping[str, Array], parameter: str) -> BranchState:
@@ -224,7 +225,7 @@ def resumed_state(newest: Resume, rows: Mapping[str, Array], parameter: str) -> 
     previous = max(0, newest.n_points - 2)
     known = int(rows["multiplier_count"][previous]) if newest.n_points > 1 else 0
     count, columns = int(row["multiplier_count"]), int(newest.slots["basis_columns"])
-    tangent = row["tangent"]
+    tangent, before = row["tangent"], rows["tangent"][previous]
     return BranchState.from_arrays(
         {
             "index": newest.n_points - 1,
@@ -240,6 +241,12 @@ def resumed_state(newest: Resume, rows: Mapping[str, Array], parameter: str) -> 
             "step_error": row["step_error"],
             "basis": newest.slots["basis"][:, :columns],
             "multipliers": row["multipliers"][:count],
+            "previous_state": rows["state"][previous],
+            "previous_period": rows["period"][previous],
+            "previous_parameter": rows[parameter][previous],
+            "previous_tangent_state": before[:-2],
+            "previous_tangent_period": before[-2],
+            "previous_tangent_parameter": before[-1],
             "previous_multipliers": rows["multipliers"][previous][:known],
             "previous_arclength": rows["arclength"][previous],
             "start_state": rows["state"][0],

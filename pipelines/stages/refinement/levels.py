@@ -29,7 +29,8 @@ from pipelines.stages.cycles.problem import cycle_problem
 from pipelines.stages.refinement.extrapolation import Extrapolation, extrapolate
 from pipelines.stages.refinement.points import StoredPoint
 
-FORMAL_ORDERS = {"central": 2, "backward": 1}
+FORMAL_ORDERS = {"fourth_order": 4, "central": 2, "backward": 1}  # around the bearing
+UNIFORM_ORDER = 2  # of the paper's axial grid
 MORE_AXIAL = 2
 MIXED = 0.5  # part of the axial error that another grid around the bearing may change; up to 0.33 was seen
 SAME_PAIR = 0.15  # rad, by which the angle of a Neimark-Sacker point may change from one grid to another
@@ -55,6 +56,12 @@ def grid_family(case: Case) -> tuple[Grid, ...]:
         around = max(round(factor * stored.circumferential), grids[-1].circumferential + 1)
         grids.append(Grid(around, round(factor * stored.axial) if uniform else stored.axial))
     return tuple(grids if uniform else [*grids, Grid(stored.circumferential, stored.axial + MORE_AXIAL)])
+
+
+def formal_order(case: Case) -> int:
+    """The order of the error in the spacing of the grids of a family."""
+    around = FORMAL_ORDERS[case.numerics.scheme]
+    return min(around, UNIFORM_ORDER) if case.numerics.axial_scheme == "uniform" else around
 
 
 @dataclass(frozen=True)

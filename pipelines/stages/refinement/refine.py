@@ -6,6 +6,9 @@ depends on the stored point alone, so that an interrupted refinement goes on wit
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,26 +19,38 @@ from pipelines.case.reading import NamedCase
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
-from pipelines.datasets.records import ENDED, Group
+from pipelines.datasets.records import ENDED, Group, with_role
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import Store, case_group, open_for_writing
-from pipelines.machine.assembly import build_machine
+from pipelines.datasets.store import Store
+from pipelines.stages.job import Job
 from pipelines.stages.parameter_columns import parameter_columns
+from pipelines.stages.parts import (
+    AHEAD,
+    Part,
+    Plan,
+    compute_alone,
+    discard,
+    discard_all,
+    has_group,
+    has_status_ended,
+)
 from pipelines.stages.refinement.levels import (
     BOUND,
-    FORMAL_ORDERS,
     REFINED,
     ErrorEstimate,
     Grid,
+    Level,
     Refinement,
     build_level,
     estimate,
+    formal_order,
     grid_family,
     refine_point,
 )
 from pipelines.stages.refinement.points import StoredPoint, stored_points
-from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.stages.results import Report, ShouldStop, StageResult
 
+GROUP = "refinement"
 ALL_RECOMPUTED = "all points are recomputed"
 NOTHING = "no bifurcation is stored"
 
@@ -45,17 +60,85 @@ def refine(named: NamedCase, store_path: Path, report: Report, should_stop: Shou
 
     Points that already have a row are left alone.
     """
-    store, group = open_for_writing(store_path), case_group(named.case_id, "refinement")
-    points = stored_points(store, named.case_id, named.case.refine.points_per_curve)
-    known = _known(store, group)
-    waiting = [point for point in points if point.key not in known]
-    if points:
-        with _open(store, group, named.case, len(known) + len(waiting)) as branch:
-            if waiting:
-                _fill(branch, named, waiting, report, should_stop)
-    if not store.has_group(group):
-        return StageResult(named.case_id, True, NOTHING, "continue cycles through a bifurcation first")
-    return _result(named.case_id, read_group(store, group))
+    return compute_alone(plan_refine(named, store_path, report, should_stop))
+
+
+def plan_refine(
+    named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop
+) -> RefinementPlan:
+    """The points of a case; each is a part."""
+    return RefinementPlan(Job.of("refine", named, store_path, report, should_stop))
+
+
+@dataclass(frozen=True)
+class RefinementPlan(Plan):
+    """One row for each point; the rows of points computed side by side are committed in order."""
+
+    job: Job
+
+    @cached_property
+    def levels(self) -> list[Level]:
+        """The grids with their machines."""
+        return [build_level(self.job.case, grid) for grid in grid_family(self.job.case)]
+
+    def parts(self, settled: bool = True) -> Iterator[Part]:
+        """The points without a row."""
+        total, waiting = self._missing()
+        while waiting and has_status_ended(self.job, ahead := _ahead(waiting[0])):
+            with self._open(GROUP, total) as branch:
+                found = self.job.read(ahead, tuple(with_role(branch.arrays, "row")))
+                branch.commit({name: values[0] for name, values in found.arrays.items()})
+            discard(self.job, ahead)
+            waiting = waiting[1:]
+        for number, point in enumerate(waiting):
+            ahead = _ahead(point)
+            in_turn = number == 0 and not has_group(self.job, ahead)
+            if in_turn or not has_status_ended(self.job, ahead):
+                yield Part(GROUP if in_turn else ahead, {"key": point.key})
+        if total and not waiting:
+            with self._open(GROUP, total) as branch:
+                if branch.status != ENDED:
+                    branch.finish(ALL_RECOMPUTED)
+
+    def compute(self, part: Part, job: Job) -> None:
+        """Recompute one point."""
+        total, waiting = self._missing()
+        point = next(each for each in waiting if list(each.key) == list(part.arguments["key"]))
+        order = formal_order(job.case)
+        found = refine_point(job.machine, self.levels, point)
+        known = estimate(point.value, grid_family(job.case), found, order)
+        with self._open(part.group, total if part.group == GROUP else 1) as branch:
+            branch.commit(_row(job.case, point, found, known))
+            if part.group != GROUP:
+                branch.finish(ALL_RECOMPUTED)
+        job.report_progress(total - len(waiting) + 1, total, _message(point, found, known))
+
+    def result(self) -> StageResult:
+        """How many points are refined."""
+        store, group = self.job.store, self.job.path(GROUP)
+        if not self.job.should_stop():
+            discard_all(self.job)
+        if not store.has_group(group):
+            return StageResult(self.job.case_id, True, NOTHING, "continue cycles through a bifurcation first")
+        return _result(self.job.case_id, read_group(store, group))
+
+    @cached_property
+    def points(self) -> list[StoredPoint]:
+        """The stored points of the case."""
+        return stored_points(self.job.store, self.job.case_id, self.job.case.refine.points_per_curve)
+
+    def _missing(self) -> tuple[int, list[StoredPoint]]:
+        """The number of rows that there will be, and the points without one."""
+        known = _known(self.job.store, self.job.path(GROUP))
+        waiting = [point for point in self.points if point.key not in known]
+        return len(known) + len(waiting) if self.points else 0, waiting
+
+    def _open(self, group: str, rows: int) -> BranchWriter:
+        return _open(self.job.store, self.job.path(group), self.job.case, rows)
+
+
+def _ahead(point: StoredPoint) -> str:
+    return f"{AHEAD}/{GROUP}-{'-'.join(map(str, point.key))}"
 
 
 def _known(store: Store, group: str) -> set[tuple[int, int, int]]:
@@ -77,7 +160,7 @@ def _open(store: Store, group: str, case: Case, capacity: int) -> BranchWriter:
         "level_axial": np.array([grid.axial for grid in grids], dtype=np.int32),
     }
     sizes = {"refined": capacity, "level": len(grids)}
-    attributes = {"request": request, "formal_order": FORMAL_ORDERS[case.numerics.scheme]}
+    attributes = {"request": request, "formal_order": formal_order(case)}
     return open_branch(store, group, "refinement", sizes, static, attributes)
 
 
@@ -86,28 +169,6 @@ def _unknowns(case: Case, grid: Grid) -> int:
     periodic = [bearing.film == "periodic" for bearing in case.bearings]
     nodes = sum(grid.circumferential - (0 if whole else 1) for whole in periodic)
     return nodes * (grid.axial + 1) + 2 * case.rotor.condensed_freedoms
-
-
-def _fill(
-    branch: BranchWriter,
-    named: NamedCase,
-    waiting: list[StoredPoint],
-    report: Report,
-    should_stop: ShouldStop,
-) -> None:
-    """Recompute the points one after the other; a request to stop leaves the group open."""
-    grids, order = grid_family(named.case), FORMAL_ORDERS[named.case.numerics.scheme]
-    levels = [build_level(named.case, grid) for grid in grids]
-    source, total = build_machine(named.case), branch.n_points + len(waiting)
-    for point in waiting:
-        if should_stop():
-            return
-        found = refine_point(source, levels, point)
-        known = estimate(point.value, grids, found, order)
-        branch.commit(_row(named.case, point, found, known))
-        message = _message(point, found, known)
-        report(Progress("refine", named.case_id, branch.n_points, total, message))
-    branch.finish(ALL_RECOMPUTED)
 
 
 def _row(case: Case, point: StoredPoint, found: Refinement, known: ErrorEstimate) -> dict[str, Any]:

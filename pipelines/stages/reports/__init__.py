@@ -2,6 +2,7 @@
 
 - first_boundary: the first bifurcation above the lowest speed
 - operating_range: `agfb report`
+- survey_summary: what it says of a survey
 - paper_comparison: `agfb compare-paper`
 - verify: `agfb verify`
 """

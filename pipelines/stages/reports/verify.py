@@ -4,7 +4,8 @@ Beside the files, a sample of the stored solutions is put into the equations of 
 
     equilibrium   0 = F(s),              cycle   phi_T(s) - s = 0
 
-A cycle is integrated with the time steps of its row, so that its residual is what Newton's method left.
+A cycle is integrated with the time steps of its row, so that its residual is what Newton's method left. A
+line of a survey, which holds no states, is computed again; its residual is the change of a multiplier.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest
 from pipelines.stages.cycles.problem import cycle_problem
 from pipelines.stages.parameter_columns import stored_parameters
+from pipelines.stages.survey.line import compute_line, survey_problem
 
 _SLACK = 10.0  # times the tolerance: another processor rounds differently along a period
 _ADVICE = "Its arrays do not belong together: remove the folder {path} and run the same command again"
@@ -99,6 +101,8 @@ def _residuals(store: Store, group: str, case: Case, machine: Machine, sample: i
         yield from _equilibria(store, group, case, machine, sample)
     elif kind in CYCLES:
         yield from _cycles(store, group, case, machine, sample)
+    elif kind == "survey":
+        yield from _lines(store, group, case, machine, sample)
 
 
 def _equilibria(store: Store, group: str, case: Case, machine: Machine, sample: int) -> Iterator[Checked]:
@@ -127,6 +131,17 @@ def _cycles(store: Store, group: str, case: Case, machine: Machine, sample: int)
         scale = max(1.0, float(np.max(np.abs(state))))
         mismatch = float(np.max(np.abs(image.state - state))) / scale
         yield Checked(group, row, mismatch, _SLACK * case.numerics.newton_tolerance)
+
+
+def _lines(store: Store, group: str, case: Case, machine: Machine, sample: int) -> Iterator[Checked]:
+    """Lines of a survey against the same lines, computed again."""
+    rows, problem = read_group(store, group), survey_problem(machine, case, parameter_vector(case))
+    for row in _spread(np.arange(rows.n_points), sample):
+        again = compute_line(problem, row)
+        same = rows["status"][row] == again["status"]
+        change = np.abs(rows["multiplier"][row] - again["multiplier"])
+        change = np.where(same, np.nan_to_num(change, nan=0.0), np.inf)
+        yield Checked(group, row, float(np.max(change)), _SLACK * case.survey.multiplier_tolerance)
 
 
 def _spread(rows: np.ndarray, count: int) -> list[int]:

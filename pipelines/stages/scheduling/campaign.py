@@ -1,27 +1,30 @@
 """Run the stages of many cases on the workers of a Dask cluster.
 
-One task is one stage of one case. The stages of a case form a chain, so that curves find the cycles that they
-start from; chains of different cases run side by side. A worker that dies costs nothing that was committed:
-its task is given to another one, which goes on behind the last row. A task that kills its worker every time
-fails its case alone: Dask itself would suspect every task that waits on the same worker, so tasks are handed
-out here, one to a worker.
+One task is a part of a stage, or a whole stage that has no parts. The plan of a stage that has parts is asked
+for on a worker as well, and again after each part that has ended (`pipelines.stages.parts`). Stages that need
+nothing of each other, and different cases, run side by side. A worker that dies costs nothing that was
+committed: its task is given to another one, which goes on behind the last row. A task that kills its worker
+every time fails its case alone: Dask itself would suspect every task that waits on the same worker, so tasks
+are handed out here, one to a worker.
 """
 
 from __future__ import annotations
 
+import json
 import logging
 import math
+import multiprocessing
 import queue
 import signal
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 import dask
@@ -32,8 +35,13 @@ from distributed.comm.core import CommClosedError
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.watching import totals, watch
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
-from pipelines.stages.scheduling.pool import ClusterError, Pool
-from pipelines.stages.scheduling.tasks import run_task, task
+from pipelines.stages.scheduling.agenda import Agenda, Chain, Deaths, Work
+from pipelines.stages.scheduling.pool import ENVIRONMENT, ClusterError, Pool, prepare_workers
+from pipelines.stages.scheduling.registry import modules, plan_function
+from pipelines.stages.scheduling.tasks import ask_plan, run_part, run_task
+
+if TYPE_CHECKING:
+    from pipelines.stages.parts import Plan  # loads the kernels
 
 _SECONDS_BETWEEN_REPORTS = 0.5
 _SECONDS_BETWEEN_QUESTIONS = 0.5  # whether to stop; each is a message to the scheduler
@@ -43,13 +51,13 @@ _DEATHS = 3  # of workers with the same task, without a point committed in betwe
 _STARTS = 3  # of the workers on this machine
 _WITHOUT_WORKERS = 120  # s
 _CONNECTION_TIMEOUT = 15  # s
+_PLANS = 8  # that a worker keeps, each with its machine
 
 SETTINGS: Mapping[str, Any] = MappingProxyType(
     {
         "distributed.scheduler.allowed-failures": 0,  # a dead worker's task comes back here at once
-        # with Dask's 64 KiB every larger temporary asks the system for new pages: a quarter more time
-        "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
-        "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 24,
+        **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ENVIRONMENT.items()},
+        "distributed.worker.multiprocessing-method": "forkserver",
         # what Dask watches for a dashboard that is off took 7 % of two cores from their cases
         "distributed.worker.profile.enabled": False,
         "distributed.admin.tick.interval": "1s",
@@ -69,16 +77,17 @@ def run_campaign(
 ) -> Iterator[tuple[str, StageResult]]:
     """Run every stage on every case and yield stage and result as they arrive.
 
-    Each stage of a case waits for the one before. When `should_stop` answers True, running tasks end at
-    their next commit and no other is started. Raises ClusterError, and OSError and MemoryError as
-    `run_stages` does.
+    When `should_stop` answers True, running tasks end at their next commit and no other is started; a stage
+    that has not ended has no result. Raises ClusterError, and OSError and MemoryError as `run_stages` does.
     """
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(_settings(pool)))
         for name, level in SETTINGS["logging"].items():  # what goes wrong is told as a ClusterError
             logging.getLogger(name).setLevel(level.upper())
         stack.enter_context(_lost_connections(pool))
-        client = _client(pool, len(cases), should_stop, stack)
+        if pool.address is None:
+            prepare_workers(modules(stages))
+        client = _client(pool, should_stop, stack)
         if client is None:
             return
         name = f"agfb-{uuid4().hex}"  # other campaigns on the cluster have their own progress and stop alone
@@ -86,9 +95,9 @@ def run_campaign(
         client.subscribe_topic(name, lambda event: events.put(event[1]))
         stack.callback(client.unsubscribe_topic, name)
         stop = Event(name, client=client)
-        waiting = deque(_Chain(case, list(stages)) for case in cases)
+        agenda = Agenda([Chain(case, list(stages)) for case in cases])
         yield from _Campaign(
-            client, pool, stop, _event_reporter(events, report), should_stop, store_path.resolve(), waiting
+            client, pool, stop, _event_reporter(events, report), should_stop, store_path.resolve(), agenda
         ).results()
 
 
@@ -123,18 +132,19 @@ def _lost_connections(pool: Pool) -> Iterator[None]:
         raise ClusterError(f"{lost}: {error}", _advice(pool)) from error
 
 
-def _client(pool: Pool, cases: int, should_stop: ShouldStop, stack: ExitStack) -> Client | None:
+def _client(pool: Pool, should_stop: ShouldStop, stack: ExitStack) -> Client | None:
     """The cluster; None if it was asked to stop before it was connected."""
     if pool.address is not None:
         client = _connected(pool, should_stop)
         return None if client is None else stack.enter_context(client)
-    client = stack.enter_context(Client(stack.enter_context(_own_cluster(pool, min(pool.workers, cases)))))
+    client = stack.enter_context(Client(stack.enter_context(_own_cluster(pool, pool.workers))))
     client.register_plugin(_IgnoreInterrupts(), name="agfb-interrupts")
     return client
 
 
 def _own_cluster(pool: Pool, workers: int) -> LocalCluster:
     """Workers on this machine. One that dies during the start is no reason to give up."""
+    _wait_for_imports()
     for attempt in range(1, _STARTS + 1):
         try:
             return LocalCluster(
@@ -151,6 +161,13 @@ def _own_cluster(pool: Pool, workers: int) -> LocalCluster:
             if attempt == _STARTS:
                 raise ClusterError(f"the workers do not start: {error}", _advice(pool)) from error
     raise AssertionError
+
+
+def _wait_for_imports() -> None:
+    """Until workers can be made: on the first run kernels are compiled, and Dask would not wait so long."""
+    first = multiprocessing.get_context("forkserver").Process(target=int)
+    first.start()
+    first.join()
 
 
 def _connected(pool: Pool, should_stop: ShouldStop) -> Client | None:
@@ -204,20 +221,7 @@ class _Running:
     """A task on its worker."""
 
     future: Future[Any]
-    chain: _Chain
-
-
-@dataclass
-class _Chain:
-    """The remaining tasks of a case in order, and how often workers died with the first of them.
-
-    Deaths count since the case had ``committed`` so many points.
-    """
-
-    named: NamedCase
-    stages: list[str]
-    deaths: int = 0
-    committed: int = 0
+    work: Work
 
 
 @dataclass
@@ -230,12 +234,13 @@ class _Campaign:
     report_events: Callable[[], None]
     should_stop: ShouldStop
     store_path: Path
-    waiting: deque[_Chain]
+    agenda: Agenda
     running: dict[str, _Running] = field(default_factory=dict)  # by the address of the worker
+    woken: threading.Event = field(default_factory=threading.Event)
 
     def results(self) -> Iterator[tuple[str, StageResult]]:
         stopping, counted, present = False, -math.inf, time.monotonic()
-        while self.running or (self.waiting and not stopping):
+        while self.running or (self.agenda.chains and not stopping):
             self.report_events()
             if not stopping and self.should_stop():
                 stopping = True
@@ -250,7 +255,8 @@ class _Campaign:
                     self._assign(workers - set(self.running))
             if time.monotonic() - present > _WITHOUT_WORKERS:
                 raise ClusterError(f"there has been no worker for {_WITHOUT_WORKERS} s", _advice(self.pool))
-            time.sleep(_SECONDS_BETWEEN_LOOKS)
+            self.woken.wait(_SECONDS_BETWEEN_LOOKS)
+            self.woken.clear()
 
     def _workers(self) -> set[str]:
         """The addresses of all workers. Raises TimeoutError if the scheduler does not respond."""
@@ -259,52 +265,48 @@ class _Campaign:
 
     def _assign(self, free: set[str]) -> None:
         for address in sorted(free):
-            if self.waiting:
-                chain = self.waiting.popleft()
-                work = task(chain.stages[0], chain.named, self.store_path)
-                future = self.client.submit(_on_worker, work, self.stop.name, pure=False, workers=[address])
-                self.running[address] = _Running(future, chain)
+            if (work := self.agenda.begin_next()) is None:
+                return
+            message = work.message(self.store_path)
+            future = self.client.submit(_on_worker, message, self.stop.name, pure=False, workers=[address])
+            future.add_done_callback(lambda _: self.woken.set())
+            self.running[address] = _Running(future, work)
 
     def _has_ended(self, address: str, workers: set[str]) -> bool:
         return self.running[address].future.done() or address not in workers
 
     def _end(self, run: _Running) -> Iterator[tuple[str, StageResult]]:
-        """Results of a task that has ended, and of tasks that cannot follow it; the others wait again."""
+        """Results that follow from a task that has ended; one whose worker died waits again."""
         self.report_events()
-        chain, case_id = run.chain, run.chain.named.case_id
-        records = _records(run.future)
-        if records is not None:
-            for record in records:
-                yield chain.stages.pop(0), StageResult.from_dict(record)
-                chain.deaths = 0
-                if chain.stages:
-                    self.waiting.appendleft(chain)
+        work = run.work
+        answer = _answer(run.future)
+        if answer is not None:
+            yield from self.agenda.end(work, answer)
             return
         error = _error(run.future)
         if isinstance(error, OSError | MemoryError):
             raise error
-        if error is None and self._deaths(chain) < _DEATHS:
-            self.waiting.appendleft(chain)
+        if error is None and self._deaths(work) < _DEATHS:
+            self.agenda.again(work)
             return
-        yield chain.stages[0], _lost(case_id, error)
-        for stage in chain.stages[1:]:
-            reason = f"not computed: {chain.stages[0]} did not end"
-            yield stage, StageResult(case_id, False, reason, "run the command again to retry")
+        yield from self.agenda.give_up(work, _lost(work.chain.named.case_id, error))
 
-    def _deaths(self, chain: _Chain) -> int:
-        """How many workers have died with the case since it committed its newest point, including this one.
+    def _deaths(self, work: Work) -> int:
+        """How many workers have died with a task since it committed its newest point, including this one.
 
         Workers that live shorter than their task are no reason to give up.
         """
-        states = [state for state in watch(self.store_path) if state.case == chain.named.case_id]
-        committed = totals(states).points
-        chain.deaths = chain.deaths + 1 if committed <= chain.committed else 1
-        chain.committed = committed
-        return chain.deaths
+        states = [state for state in watch(self.store_path) if state.case == work.chain.named.case_id]
+        if work.part is not None:
+            states = [state for state in states if state.group == work.part["group"]]
+        committed, known = totals(states).points, work.stage.deaths.get(work.name, Deaths())
+        deaths = Deaths(known.count + 1 if committed <= known.committed else 1, committed)
+        work.stage.deaths[work.name] = deaths
+        return deaths.count
 
 
-def _records(future: Future[Any]) -> list[dict[str, Any]] | None:
-    """The result of a task, or nothing if it was asked to stop before it began; None if it did not end.
+def _answer(future: Future[Any]) -> dict[str, Any] | None:
+    """What a task returned, nothing if it was asked to stop before it began; None if it did not end.
 
     A result stays with its worker: one that died after it had computed it never gives it, and Dask would wait
     for that worker for ever.
@@ -312,7 +314,7 @@ def _records(future: Future[Any]) -> list[dict[str, Any]] | None:
     if future.status != "finished":
         return None
     try:
-        found: list[dict[str, Any]] = future.result(timeout=_CONNECTION_TIMEOUT)
+        found: dict[str, Any] = future.result(timeout=_CONNECTION_TIMEOUT)
     except TimeoutError:
         return None
     return found
@@ -344,10 +346,40 @@ def _lost(case_id: str, error: BaseException | None) -> StageResult:
     )
 
 
-def _on_worker(work: Mapping[str, Any], campaign: str) -> list[dict[str, Any]]:
+def _on_worker(work: Mapping[str, Any], campaign: str) -> dict[str, Any]:
     """One task in the process of a worker; nothing if it was asked to stop before it began."""
     should_stop = _Asked(Event(campaign).is_set)
-    return [] if should_stop() else [run_task(work, _Sender(campaign), should_stop)]
+    return {} if should_stop() else carry_out(work, campaign, _Sender(campaign), should_stop)
+
+
+def carry_out(
+    work: Mapping[str, Any], campaign: str, report: Report, should_stop: ShouldStop
+) -> dict[str, Any]:
+    """Carry out one task; its answer, with the ``seconds`` that it took."""
+    begin = time.perf_counter()
+    if "settled" in work:
+        plan = _plan(campaign, work["stage"], json.dumps(work["case"]), work["store"])
+        answer = ask_plan(work, plan, work["settled"], work["alone"], should_stop)
+    elif "part" in work:
+        from pipelines.stages.parts import Part  # loads the kernels
+
+        plan = _plan(campaign, work["stage"], json.dumps(work["case"]), work["store"])
+        answer = run_part(work, plan, Part(**work["part"]), report, should_stop)
+    else:
+        answer = {"result": run_task(work, report, should_stop)}
+    return answer | {"seconds": time.perf_counter() - begin}
+
+
+@lru_cache(maxsize=_PLANS)
+def _plan(campaign: str, stage: str, case: str, store: str) -> Plan:
+    """The plan of a stage of a case, kept by a worker for the next part of it."""
+    named = NamedCase.from_dict(json.loads(case))
+    should_stop = _Asked(Event(campaign).is_set)
+    return plan_function(stage)(named, Path(store), _ignore, should_stop)
+
+
+def _ignore(progress: Progress) -> None:
+    """A plan reports nothing; its parts do."""
 
 
 class _Asked:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from pipelines.case.models import Case
+from pipelines.case.survey_settings import survey_axes
 from pipelines.case.torus_settings import FEWEST_ANGLES
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
@@ -33,6 +34,7 @@ PASSES_PER_CYCLE = 12  # corrections, tangents and multipliers, and locating wha
 PASSES_PER_CURVE_POINT = 100  # normal forms on two smoothed machines included
 PASSES_PER_LEVEL = 30  # of a refined bifurcation, on one of its grids
 PASSES_PER_ANGLE = 15  # of a torus, its corrections and its stability
+PASSES_PER_CELL = 1.5  # of a survey: half of them with the few time steps that it needs
 _NORMAL_FORMS = 3.0  # times as long as a point of a curve without
 _MEASURED_STEPS = 256  # of an explicit stepper at most
 _TRIALS = 3  # the first may load kernels, and others share the machine
@@ -65,6 +67,12 @@ class Durations:
         once = self._once(case, _pass)
         share = 1.0 if case.track_curves.normal_forms else 1.0 / _NORMAL_FORMS
         return None if once is None else share * PASSES_PER_CURVE_POINT * once
+
+    def of_survey_line(self, case: Case) -> float | None:
+        """One line of a survey."""
+        once = self._once(case, _pass)
+        cells = survey_axes(case.survey, case.track_curves)[0].points
+        return None if once is None else PASSES_PER_CELL * cells * once
 
     def of_refined_point(self, case: Case) -> float | None:
         """One bifurcation on all grids of `agfb ... --refine`."""

@@ -15,6 +15,7 @@ from typing import Any
 
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.case.survey_settings import survey_axes
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import COMPLETE
@@ -24,17 +25,18 @@ from pipelines.stages.curves import bifurcation_set, track_curves
 from pipelines.stages.cycles import continue_cycles
 from pipelines.stages.cycles.branch import NOT_ASKED, WANTING_POINTS
 from pipelines.stages.ending import stop_reasons
-from pipelines.stages.linear import criticals, missing_speeds
+from pipelines.stages.linear import criticals, missing_speeds, unbalance_response
 from pipelines.stages.refinement import refine
 from pipelines.stages.refinement.points import stored_points
 from pipelines.stages.scheduling.durations import Durations
+from pipelines.stages.survey import onsets, survey
 from pipelines.stages.tori import continue_tori
 from pipelines.stages.transients import transient
 from pipelines.stages.transients.run import request_of
 
 Attributes = Mapping[str, Any]
 
-CYCLES_PER_ONSET = 8  # a branch that begins near an onset has four to twelve points
+CYCLES_PER_ONSET = 2.5  # points of a branch, for the five cycles found alone that bracket an onset
 
 
 class StageStatus(Enum):
@@ -122,16 +124,21 @@ class _Extent:
     """What only this stage knows of what is there."""
 
 
-def _made_in_one_piece(found: Planned, here: _Here) -> Planned:
-    """The critical speeds: recomputed for another table."""
-    if not here.own:
-        return found
-    (group,) = here.own.values()
-    ended = StageStatus.COMPLETE if group["stop_reason"] in criticals.SUCCESSFUL else StageStatus.FAILED
-    there = StageStatus.NOTHING if found.there is StageStatus.DIFFERENT_SETTINGS else ended
-    return replace(
-        found, there=there, points=0 if there is StageStatus.NOTHING else here.case.criticals.points
-    )
+def _made_in_one_piece(
+    request_of: Callable[[Case], Attributes], success: frozenset[str]
+) -> Callable[[Planned, _Here], Planned]:
+    """A group that is written whole, and recomputed for another request."""
+
+    def adjusted(found: Planned, here: _Here) -> Planned:
+        if not here.own:
+            return found
+        (group,) = here.own.values()
+        if group["request"] != request_of(here.case):
+            return replace(found, there=StageStatus.NOTHING, points=0)
+        ended = StageStatus.COMPLETE if group["stop_reason"] in success else StageStatus.FAILED
+        return replace(found, there=ended, points=found.most or 0)
+
+    return adjusted
 
 
 def _in_both_directions(found: Planned, here: _Here) -> Planned:
@@ -141,6 +148,16 @@ def _in_both_directions(found: Planned, here: _Here) -> Planned:
         if missing and found.there is StageStatus.COMPLETE
         else found
     )
+
+
+def _on_its_plane(found: Planned, here: _Here) -> Planned:
+    """The survey: its ranges may be those of [track_curves]."""
+    for group in here.own.values():
+        axes = survey_axes(here.case.survey, here.case.track_curves)
+        same = group["ranges"] == [[axis.low, axis.high] for axis in axes]
+        if group["n_points"] and not (same and group["parameters"] == [axis.parameter for axis in axes]):
+            return replace(found, there=StageStatus.DIFFERENT_SETTINGS)
+    return found
 
 
 def _of_stored_bifurcations(found: Planned, here: _Here) -> Planned:
@@ -211,7 +228,17 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             table="criticals",
             duration=Durations.of_campbell_speed,
             most=lambda case: case.criticals.points,
-            adjusted=_made_in_one_piece,
+            adjusted=_made_in_one_piece(
+                lambda case: case.criticals.model_dump(mode="json"), criticals.SUCCESSFUL
+            ),
+        ),
+        "unbalance_response": _Extent(
+            groups=(unbalance_response.GROUP,),
+            success=missing_speeds.SUCCESSFUL,
+            table="unbalance_response",
+            duration=Durations.of_equilibrium,
+            most=lambda case: case.unbalance_response.points,
+            adjusted=_made_in_one_piece(unbalance_response.request_of, missing_speeds.SUCCESSFUL),
         ),
         "continue_cycles": _Extent(
             groups=("cycles/b", "cycles/d"),
@@ -232,6 +259,14 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             _curves(("pd/", "ns/", "folds/"), "ends when a round of new lines meets no new curve"),
             settles=True,
             adjusted=_searched,
+        ),
+        "survey": _Extent(
+            groups=(onsets.GROUP,),
+            success=survey.SUCCESSFUL,
+            table="survey",
+            duration=Durations.of_survey_line,
+            most=lambda case: survey_axes(case.survey, case.track_curves)[1].points,
+            adjusted=_on_its_plane,
         ),
         "refine": _Extent(
             groups=("refinement",),

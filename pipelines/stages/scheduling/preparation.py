@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.case.models import Case
+from pipelines.case.models import Case, Rotor
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.provenance import provenance
@@ -55,9 +55,9 @@ def case_attributes(named: NamedCase) -> dict[str, Any]:
 
 
 def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Arrays and attributes of a case's group ``machine``."""
+    """Arrays and attributes of a case's group ``machine``"""
     rotor, bearings = case.rotor, case.bearings
-    elements = rotor.single_elements()
+    elements, discs = rotor.single_elements(), rotor.disc_inertias
     materials = list(rotor.materials)
     arrays = {
         "node_position": np.array(rotor.node_positions()),
@@ -68,15 +68,12 @@ def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
             [materials.index(element.material) for element in elements], dtype=np.int32
         ),
         "disc_node": np.array([disc.node for disc in rotor.discs], dtype=np.int32),
-        "disc_mass": np.array([disc.mass for disc in rotor.discs], dtype=float),
-        "disc_diametral_inertia": np.array([disc.diametral_inertia for disc in rotor.discs], dtype=float),
-        "disc_polar_inertia": np.array([disc.polar_inertia for disc in rotor.discs], dtype=float),
+        "disc_mass": np.array([disc.mass for disc in discs], dtype=float),
+        "disc_diametral_inertia": np.array([disc.diametral for disc in discs], dtype=float),
+        "disc_polar_inertia": np.array([disc.polar for disc in discs], dtype=float),
         # I_p = m d^2 / 8 of a thin disc
         "disc_diameter_equivalent": np.array(
-            [
-                np.sqrt(8.0 * disc.polar_inertia / disc.mass) if disc.mass > 0.0 else 0.0
-                for disc in rotor.discs
-            ]
+            [np.sqrt(8.0 * disc.polar / disc.mass) if disc.mass > 0.0 else 0.0 for disc in discs]
         ),
         "support_node": np.array([support.node for support in rotor.supports], dtype=np.int32),
         "bearing_node": np.array([bearing.node for bearing in bearings], dtype=np.int32),
@@ -85,6 +82,26 @@ def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
         "bearing_clearance": np.array([bearing.clearance for bearing in bearings]),
         "master_node": np.array(rotor.master_nodes, dtype=np.int32),
     }
+    return arrays | _rare_arrays(rotor), {"material_names": materials}
+
+
+def _rare_arrays(rotor: Rotor) -> dict[str, Any]:
+    """Arrays of cones, axial forces, discs by dimensions and kept slopes, where the rotor has them."""
+    arrays: dict[str, Any] = {}
+    elements = rotor.single_elements()
+    if any(element.is_cone for element in elements):
+        outer, inner = zip(*(element.right_diameters for element in elements), strict=True)
+        arrays |= {"element_outer_right": np.array(outer), "element_inner_right": np.array(inner)}
+    if any(element.axial_force for element in elements):
+        arrays["element_axial_force"] = np.array([element.axial_force for element in elements])
+    if any(disc.has_dimensions for disc in rotor.discs):
+        unknown = (np.nan, np.nan, np.nan)
+        sizes = [
+            (disc.outer_diameter, disc.inner_diameter, disc.width) if disc.has_dimensions else unknown
+            for disc in rotor.discs
+        ]
+        names = ("disc_outer", "disc_inner", "disc_width")
+        arrays |= dict(zip(names, np.array(sizes, dtype=float).T.copy(), strict=True))
     if rotor.slope_nodes:
         arrays["slope_node"] = np.array(rotor.slope_nodes, dtype=np.int32)
-    return arrays, {"material_names": materials}
+    return arrays

@@ -1,29 +1,35 @@
 """The stages by name, and the location of their functions.
 
 Imports no stage, so that the command line can ask for names cheaply.  A new stage is a function with the
-signature `Stage` and a line here; `pipelines.stages.scheduling.plan` says what a dry run foresees of it.
+signature `Stage` and a line here, and a plan if it consists of parts (`pipelines.stages.parts`);
+`pipelines.stages.scheduling.plan` says what a dry run foresees of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pipelines.case.reading import NamedCase
 from pipelines.stages.results import Report, ShouldStop, StageResult
+
+if TYPE_CHECKING:
+    from pipelines.stages.parts import Plan
 
 STAGES: Mapping[str, str] = MappingProxyType(
     {
         "linearize": "linear.linearize",
         "criticals": "linear.criticals",
+        "unbalance_response": "linear.unbalance_response",
         "continue_cycles": "cycles.continue_cycles",
         "track_pd": "curves.track_curves",
         "track_ns": "curves.track_curves",
         "track_folds": "curves.track_curves",
         "bifurcation_set": "curves.bifurcation_set",
+        "survey": "survey.survey",
         "refine": "refinement.refine",
         "transient": "transients.transient",
         "continue_tori": "tori.continue_tori",
@@ -32,6 +38,19 @@ STAGES: Mapping[str, str] = MappingProxyType(
 )
 """Module below `pipelines.stages` that has the function of each stage, under the stage's name."""
 
+DIVIDED = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds", "bifurcation_set", "refine"})
+"""Stages that consist of parts; the module of each has the function ``plan_<stage>`` beside its own."""
+
+AWAITED: Mapping[str, frozenset[str]] = MappingProxyType(
+    {
+        "linearize": frozenset(),
+        "criticals": frozenset(),
+        "continue_cycles": frozenset(),
+        "bifurcation_set": frozenset({"criticals"}),  # for the resonances at which it has lines
+    }
+)
+"""The stages that must have ended before a stage begins; all earlier ones for those that are not named."""
+
 MOTIONS = frozenset(
     {
         "continue_cycles",
@@ -39,6 +58,7 @@ MOTIONS = frozenset(
         "track_ns",
         "track_folds",
         "bifurcation_set",
+        "survey",
         "transient",
         "continue_tori",
     }
@@ -60,7 +80,25 @@ def stage_function(stage: str) -> Stage:
 
     Raises ValueError for a name that is none of `STAGES`.
     """
+    function: Stage = _from_module(stage, stage)
+    return function
+
+
+def modules(stages: Iterable[str]) -> list[str]:
+    """The modules that workers need for some stages, in the order in which they are imported."""
+    return [
+        *dict.fromkeys(f"pipelines.stages.{STAGES[stage]}" for stage in stages if stage in STAGES),
+        "pipelines.stages.scheduling.campaign",
+    ]
+
+
+def plan_function(stage: str) -> Callable[[NamedCase, Path, Report, ShouldStop], Plan]:
+    """The function that makes the plan of one of the stages `DIVIDED`; its arguments are those of a stage."""
+    function: Callable[[NamedCase, Path, Report, ShouldStop], Plan] = _from_module(stage, f"plan_{stage}")
+    return function
+
+
+def _from_module(stage: str, name: str) -> Any:
     if stage not in STAGES:
         raise ValueError(f"stage {stage!r} is not one of {', '.join(STAGES)}")
-    function: Stage = getattr(import_module(f"pipelines.stages.{STAGES[stage]}"), stage)
-    return function
+    return getattr(import_module(f"pipelines.stages.{STAGES[stage]}"), name)

@@ -1,0 +1,252 @@
+"""One row for each case of a store: what distinguishes its machine (inputs) and what came out (outputs)."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.case.fields import Path, extra_of, field_at
+from pipelines.case.models import Case
+from pipelines.case.sweeps import short_names
+from pipelines.datasets.failures import read_failures
+from pipelines.datasets.reading import case_attributes, list_groups, read_group
+from pipelines.datasets.records import Group
+from pipelines.datasets.store import Store, case_group, local_name
+
+Value = float | str | None
+DIMENSIONAL = ("rpm", "hz")
+"""Endings of columns that show another column in this unit."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One input or output of all cases: numbers with NaN where there is none, or words."""
+
+    name: str
+    unit: str
+    meaning: str
+    values: NDArray[Any]
+
+    @property
+    def is_number(self) -> bool:
+        """Whether it holds numbers."""
+        return bool(self.values.dtype.kind == "f")
+
+
+@dataclass(frozen=True)
+class CaseTable:
+    """Cases in rows; ``inputs``: the configuration keys in which they differ; ``outputs``: stored results."""
+
+    cases: tuple[str, ...]
+    inputs: tuple[Column, ...]
+    outputs: tuple[Column, ...]
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The case, then inputs, then outputs."""
+        return (Column("case", "", "id of the case", np.array(self.cases)), *self.inputs, *self.outputs)
+
+
+def case_table(store: Store, cases: Sequence[str]) -> CaseTable:
+    """The table of some cases, from stored groups alone; raises StoreError for damaged groups."""
+    configuration: Mapping[str, Any] = store.attributes.get("configuration", {})
+    found = [dict(_outputs(store, case)) for case in cases]
+    known = {name for row in found for name, value in row.items() if value is not None}
+    names = sorted(known, key=_place)
+    outputs = [_column(name, *_unit_and_meaning(name), [row.get(name) for row in found]) for name in names]
+    return CaseTable(
+        tuple(cases), tuple(_inputs([configuration.get(case, {}) for case in cases])), tuple(outputs)
+    )
+
+
+def _column(name: str, unit: str, meaning: str, values: Sequence[Any]) -> Column:
+    """Numbers if all values are numbers or missing; else words."""
+    numbers = all(value is None or (isinstance(value, int | float) and value is not True) for value in values)
+    if numbers and not any(value is False for value in values):
+        filled = [np.nan if value is None else float(value) for value in values]
+        return Column(name, unit, meaning, np.array(filled))
+    return Column(name, unit, meaning, np.array(["" if value is None else str(value) for value in values]))
+
+
+# inputs
+
+
+def _inputs(documents: Sequence[Mapping[str, Any]]) -> Iterator[Column]:
+    """The keys whose values differ, with the unit and the meaning of their declaration."""
+    flat = [dict(_flat(document, ())) for document in documents]
+    paths = list(dict.fromkeys(path for values in flat for path in values))
+    rows = {path: tuple(values.get(path) for values in flat) for path in paths}
+    named = {_without_index(path, rows): path for path in paths if len(set(rows[path])) > 1}
+    for name, path in named.items():
+        _, declared = field_at(Case, path)
+        unit = extra_of(declared, "unit") if declared is not None else ""
+        meaning = (declared.description or "") if declared is not None else ""
+        yield _column(".".join(map(str, name)), unit, meaning, rows[path])
+
+
+def _flat(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _flat(inner, (*path, name))
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            yield from _flat(inner, (*path, index))
+    else:
+        yield path, value
+
+
+def _without_index(path: Path, rows: Mapping[Path, tuple[Any, ...]]) -> Path:
+    """The path without an index whose entries agree in every case: bearings.clearance for both bearings."""
+    for place, part in enumerate(path):
+        if isinstance(part, int):
+            alike = [
+                other
+                for other in rows
+                if len(other) == len(path)
+                and isinstance(other[place], int)
+                and (*other[:place], *other[place + 1 :]) == (*path[:place], *path[place + 1 :])
+            ]
+            if len(alike) > 1 and all(rows[other] == rows[path] for other in alike):
+                return (*path[:place], *path[place + 1 :])
+    return path
+
+
+def short_titles(columns: Sequence[Column]) -> list[str]:
+    """The shortest ends of the names that distinguish them, as words and without a unit."""
+    names = short_names([column.name for column in columns])
+    return [name.removesuffix("_rpm").removesuffix("_hz").replace("_", " ") for name in names]
+
+
+# outputs
+
+_MEANINGS = {
+    "instability_speed": "speed at which the equilibrium loses its stability",
+    "critical_speed": "critical speed, by number",
+    "first_bifurcation": "kind of the first bifurcation on the branch cycles/b000",
+    "first_bifurcation_speed": "speed of the first bifurcation on the branch cycles/b000",
+    "first_bifurcation_excitation_frequency": "excitation frequency of that bifurcation",
+    "first_bifurcation_displacement": "ring displacement of that bifurcation",
+    "first_bifurcation_foil_stiffness": "foil stiffness of that bifurcation",
+    "best_excitation_frequency": "excitation frequency with the largest bifurcation-free speed range",
+    "best_speed": "end of that range",
+    "best_bound": "what ends that range; none: nothing up to the highest speed of the plane",
+    "passive_gain": "gain of best_speed over the instability speed without displacement of the rings",
+    "reference_gain": "gain of best_speed over the range at excitation frequency 0.2",
+    "failed": "stages that failed, with the reason",
+}
+_ORDER = tuple(_MEANINGS)
+
+
+def _outputs(store: Store, case: str) -> Iterator[tuple[str, Value]]:
+    groups = {local_name(name) for name in list_groups(store, case)}
+    scales = case_attributes(store, case)["scales"]
+
+    def read(name: str, arrays: Sequence[str] = ()) -> Group | None:
+        return read_group(store, case_group(case, name), arrays) if name in groups else None
+
+    if (linear := read("linear")) is not None:
+        yield from _speed("instability_speed", linear.attributes.get("instability_speed"), scales)
+    if (criticals := read("criticals", ("critical_speed",))) is not None:
+        for number, speed in enumerate(criticals.arrays["critical_speed"].tolist(), start=1):
+            yield from _speed(f"critical_speed_{number}", speed, scales)
+    if "cycles/b000" in groups:
+        yield from _first_bifurcation(read_group(store, case_group(case, "cycles/b000")), scales)
+    if (ranges := read("operating_range")) is not None:
+        yield from _operating_range(ranges.attributes, scales)
+    if failures := read_failures(store, case):
+        yield "failed", "; ".join(f"{failure.stage}: {failure.reason}" for failure in failures)
+
+
+def _speed(name: str, speed: float | None, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
+    yield name, speed
+    yield f"{name}_rpm", None if speed is None else speed * scales["speed_rpm_per_unit"]
+
+
+def _frequency(name: str, value: float | None, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
+    yield name, value
+    yield f"{name}_hz", None if value is None else value * scales["hertz_per_unit"]
+
+
+def _first_bifurcation(branch: Group, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
+    """The first bifurcation on the branch and the value of the branch's parameter there."""
+    parameter = str(branch.attributes["parameter"])
+    name = f"first_bifurcation_{parameter}"
+    kinds = branch.labels("event_kind")
+    places = np.flatnonzero(kinds != "neutral_saddle")  # which is no bifurcation
+    first = float(branch.arrays[f"event_{parameter}"][places[0]]) if len(places) else None
+    yield "first_bifurcation", str(kinds[places[0]]) if len(places) else "none"
+    if parameter == "speed":
+        yield from _speed(name, first, scales)
+    elif parameter == "excitation_frequency":
+        yield from _frequency(name, first, scales)
+    else:
+        yield name, first
+
+
+def _operating_range(
+    attributes: Mapping[str, Any], scales: Mapping[str, float]
+) -> Iterator[tuple[str, Value]]:
+    """What `agfb report` concluded."""
+    best, parameter = attributes.get("best"), attributes["parameter"]
+    if best is not None:
+        if parameter == "excitation_frequency":
+            yield from _frequency("best_excitation_frequency", best[parameter], scales)
+        yield from _speed("best_speed", best["speed"], scales)
+        yield "best_bound", "none" if best["open"] else str(best["bifurcation"])
+    yield "passive_gain", attributes.get("passive_gain")
+    yield "reference_gain", attributes.get("reference_gain")
+
+
+def _root(name: str) -> tuple[str, str]:
+    """An output's name without number and dimensional ending, and that ending."""
+    stem, _, ending = name.rpartition("_")
+    stem, ending = (stem, ending) if ending in DIMENSIONAL else (name, "")
+    root, _, number = stem.rpartition("_")
+    return (root if number.isdecimal() else stem), ending
+
+
+def _place(name: str) -> tuple[int, int, str]:
+    """Sort key: order of `_MEANINGS`, then the number, then the dimensionless before the dimensional."""
+    root, _ = _root(name)
+    number = name.removeprefix(root).strip("_").split("_")[0]
+    return _ORDER.index(root), int(number) if number.isdecimal() else 0, name
+
+
+def _unit_and_meaning(name: str) -> tuple[str, str]:
+    root, ending = _root(name)
+    words = root in ("first_bifurcation", "best_bound", "failed")
+    return {"rpm": "rpm", "hz": "Hz", "": "" if words else "1"}[ending], _MEANINGS[root]
+
+
+# files
+
+
+def csv_of(table: CaseTable) -> bytes:
+    """Comma-separated text: a comment line for every column, the names, a row for every case."""
+    text = io.StringIO(newline="")
+    for column in table.columns:
+        unit = f" [{column.unit}]" if column.unit else ""
+        text.write(f"# {column.name}: {column.meaning}{unit}\n")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([column.name for column in table.columns])
+    writer.writerows(zip(*(column.values.tolist() for column in table.columns), strict=True))
+    return text.getvalue().encode()
+
+
+def netcdf_of(table: CaseTable) -> bytes:
+    """NetCDF 3 with the dimension ``case``; raises ImportError without xarray."""
+    import xarray
+
+    dataset = xarray.Dataset(attrs={"title": "One row for each case"})
+    for columns, role in ((table.columns[:1], "id"), (table.inputs, "input"), (table.outputs, "output")):
+        for column in columns:
+            unit = {"units": column.unit} if column.is_number else {}
+            attributes = {"long_name": column.meaning, "role": role, **unit}
+            dataset[column.name] = ("case", column.values, attributes)
+    return bytes(dataset.to_netcdf(engine="scipy"))

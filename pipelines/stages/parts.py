@@ -1,0 +1,108 @@
+"""The parts of a stage: what may be computed side by side, and in which order it counts.
+
+A stage that consists of parts is a `Plan`. It reads the store and tells which parts may be computed now, in
+the order of a single process, which takes the first again and again (`compute_alone`). Several processes take
+as many as they like. So that the store has the same bytes, everything follows from the store alone:
+
+- A part writes one group. The first part of a plan is always needed.
+- Whether a later part is needed may depend on earlier ones, and so may its name: a curve through a second
+  bifurcation is not traced if the first curve passes there. Such a part is computed *ahead*, into a group of
+  the container ``ahead``. When its turn comes it moves to the name that it then has (`take_turn`); if it is
+  not needed, or an earlier group would have changed it, it is removed.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pipelines.datasets.moving import move_group, remove_container, remove_group
+from pipelines.datasets.records import ENDED
+from pipelines.stages.job import Job, Origin
+from pipelines.stages.results import StageResult
+
+AHEAD = "ahead"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A piece of a stage that writes ``group``.
+
+    ``arguments`` are plain values from which any process can compute it. ``doubtful``: it is computed ahead
+    of its turn and may turn out not to be needed.
+    """
+
+    group: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    doubtful: bool = False
+
+
+class Plan(ABC):
+    """The parts of one stage on one case, as far as the store shows them."""
+
+    job: Job
+
+    @abstractmethod
+    def parts(self, settled: bool = True) -> Iterator[Part]:
+        """What may be computed now, the most urgent first; nothing when the stage has ended.
+
+        ``settled``: the stages before this one have ended. Parts that are already being computed are listed
+        as well. Groups whose turn has come are moved, so that one process at a time may ask.
+        """
+
+    @abstractmethod
+    def compute(self, part: Part, job: Job) -> None:
+        """Compute a part until it ends, or until ``job`` is asked to stop."""
+
+    @abstractmethod
+    def result(self) -> StageResult:
+        """How the stage ended; called once `parts` is empty, or after a request to stop."""
+
+    def is_needed(self, part: Part) -> bool:
+        """Whether a doubtful part still may be needed; asked by the process that computes it."""
+        return True
+
+
+def compute_alone(plan: Plan) -> StageResult:
+    """Compute the parts of a plan one after the other in this process."""
+    before: Part | None = None
+    while not plan.job.should_stop() and (part := next(plan.parts(), None)) is not None:
+        if part == before:
+            raise RuntimeError(f"{part.group} has been computed and is asked for again")
+        plan.compute(part, plan.job)
+        before = part
+    return plan.result()
+
+
+def group_ahead(container: str, origin: Origin, half: int = 0) -> str:
+    """The group for what starts at a bifurcation, while it is computed ahead of its turn."""
+    return f"{AHEAD}/{container}-{origin.group.replace('/', '-')}-{origin.event}-{half}"
+
+
+def has_group(job: Job, group: str) -> bool:
+    """Whether the case has a group."""
+    return job.store.has_group(job.path(group))
+
+
+def has_status_ended(job: Job, group: str) -> bool:
+    """Whether a group is there and not being computed any more."""
+    return has_group(job, group) and job.read(group, ()).attributes["status"] == ENDED
+
+
+def take_turn(job: Job, ahead: str, group: str) -> None:
+    """Move what was computed ahead to the place that it would have been computed in."""
+    move_group(job.store, job.path(ahead), job.path(group))
+
+
+def discard(job: Job, ahead: str) -> None:
+    """Remove what was computed ahead and differs from what its turn asks for."""
+    remove_group(job.store, job.path(ahead), wait=True)
+
+
+def discard_all(job: Job) -> None:
+    """Remove everything that was computed ahead and is not needed. No part may be running."""
+    for group in job.groups(AHEAD):
+        remove_group(job.store, job.path(group))
+    remove_container(job.store, job.path(AHEAD))
