@@ -16,10 +16,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
+from pipelines.datasets.branch import BranchWriter
 from pipelines.datasets.moving import move_group, remove_container, remove_group
-from pipelines.datasets.records import ENDED
+from pipelines.datasets.records import ENDED, with_role
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.results import StageResult
 
@@ -37,6 +38,14 @@ class Part:
     group: str
     arguments: Mapping[str, Any] = field(default_factory=dict)
     doubtful: bool = False
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a `RowPlan`: its name among the rows, and what it is computed from."""
+
+    name: str
+    arguments: Mapping[str, Any]
 
 
 class Plan(ABC):
@@ -63,6 +72,61 @@ class Plan(ABC):
     def is_needed(self, part: Part) -> bool:
         """Whether a doubtful part still may be needed; asked by the process that computes it."""
         return True
+
+
+class RowPlan(Plan):
+    """A stage that fills one ``group``: each row is a part, and rows are committed in order."""
+
+    group: ClassVar[str]
+
+    @abstractmethod
+    def missing(self) -> tuple[int, list[Row]]:
+        """The number of rows that there will be, and those that are missing, in order."""
+
+    @abstractmethod
+    def open(self, group: str, rows: int) -> BranchWriter:
+        """Open a group for so many rows, or make it."""
+
+    @abstractmethod
+    def row(self, job: Job, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+        """Compute a row; returns it with a message on its progress."""
+
+    @abstractmethod
+    def finish(self, branch: BranchWriter) -> None:
+        """End a group that has all of its rows."""
+
+    def parts(self, settled: bool = True) -> Iterator[Part]:
+        """The missing rows."""
+        total, waiting = self.missing()
+        while waiting and has_status_ended(self.job, ahead := self._ahead(waiting[0])):
+            with self.open(self.group, total) as branch:
+                found = self.job.read(ahead, tuple(with_role(branch.arrays, "row")))
+                branch.commit({name: values[0] for name, values in found.arrays.items()})
+            discard(self.job, ahead)
+            waiting = waiting[1:]
+        for number, row in enumerate(waiting):
+            ahead = self._ahead(row)
+            in_turn = number == 0 and not has_group(self.job, ahead)
+            if in_turn or not has_status_ended(self.job, ahead):
+                yield Part(self.group if in_turn else ahead, row.arguments)
+        if total and not waiting:
+            with self.open(self.group, total) as branch:
+                if branch.status != ENDED:
+                    self.finish(branch)
+
+    def compute(self, part: Part, job: Job) -> None:
+        """Compute one row."""
+        total, waiting = self.missing()
+        in_turn = part.group == self.group
+        row, message = self.row(job, part.arguments)
+        with self.open(part.group, total if in_turn else 1) as branch:
+            branch.commit(row)
+            if not in_turn:
+                self.finish(branch)
+        job.report_progress(total - len(waiting) + 1, total, message)
+
+    def _ahead(self, row: Row) -> str:
+        return f"{AHEAD}/{self.group}-{row.name}"
 
 
 def compute_alone(plan: Plan) -> StageResult:

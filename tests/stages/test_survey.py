@@ -22,10 +22,12 @@ from pipelines.orbits.shooting import CycleProblem, Unknowns, correct
 from pipelines.stages.cycles.problem import cycle_problem
 from pipelines.stages.reports.verify import verify
 from pipelines.stages.scheduling.plan import StageStatus, plan
+from pipelines.stages.scheduling.preparation import prepare_store
 from pipelines.stages.survey import line as module
 from pipelines.stages.survey.cells import bifurcation_of
 from pipelines.stages.survey.line import compute_line, survey_problem
 from pipelines.stages.survey.onsets import first_rise, onsets
+from pipelines.stages.survey.survey import plan_survey
 from tests.helpers.tiny import CONFIG, PASSIVE, Watched, tiny_case
 from tests.helpers.trees import compare_trees
 
@@ -90,6 +92,20 @@ def test_kinds_follow_the_leading_multiplier(surveyed: Path) -> None:
     assert np.all(rows["miss"] <= 5e-4)
     assert np.all(rows["step_error"] <= 5e-4)
     assert np.all(rows["multiplier"].imag >= 0.0)
+
+
+def test_lines_computed_side_by_side_leave_the_same_bytes(surveyed: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.zarr"
+    prepare_store(path, [tiny_case(*GRID)], ["agfb", "test"])
+    plan = plan_survey(tiny_case(*GRID), path, lambda progress: None, lambda: False)
+    first, *ahead = plan.parts()
+    assert [part.group for part in (first, *ahead)] == ["survey", "ahead/survey-0001", "ahead/survey-0002"]
+    for part in (ahead[1], first, ahead[0]):
+        plan.compute(part, plan.job)
+    assert list(plan.parts()) == []
+    assert plan.result().ok
+    assert plan.job.groups("ahead") == []
+    assert compare_trees(surveyed, path) == []
 
 
 @pytest.mark.parametrize("stop_after", [1, 2])

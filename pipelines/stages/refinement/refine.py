@@ -6,7 +6,7 @@ depends on the stored point alone, so that an interrupted refinement goes on wit
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,21 +19,12 @@ from pipelines.case.reading import NamedCase
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
-from pipelines.datasets.records import ENDED, Group, with_role
+from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store
 from pipelines.stages.job import Job
 from pipelines.stages.parameter_columns import parameter_columns
-from pipelines.stages.parts import (
-    AHEAD,
-    Part,
-    Plan,
-    compute_alone,
-    discard,
-    discard_all,
-    has_group,
-    has_status_ended,
-)
+from pipelines.stages.parts import Row, RowPlan, compute_alone, discard_all
 from pipelines.stages.refinement.levels import (
     BOUND,
     REFINED,
@@ -71,47 +62,43 @@ def plan_refine(
 
 
 @dataclass(frozen=True)
-class RefinementPlan(Plan):
-    """One row for each point; the rows of points computed side by side are committed in order."""
+class RefinementPlan(RowPlan):
+    """One row for each point."""
 
     job: Job
+    group = GROUP
 
     @cached_property
     def levels(self) -> list[Level]:
         """The grids with their machines."""
         return [build_level(self.job.case, grid) for grid in grid_family(self.job.case)]
 
-    def parts(self, settled: bool = True) -> Iterator[Part]:
-        """The points without a row."""
-        total, waiting = self._missing()
-        while waiting and has_status_ended(self.job, ahead := _ahead(waiting[0])):
-            with self._open(GROUP, total) as branch:
-                found = self.job.read(ahead, tuple(with_role(branch.arrays, "row")))
-                branch.commit({name: values[0] for name, values in found.arrays.items()})
-            discard(self.job, ahead)
-            waiting = waiting[1:]
-        for number, point in enumerate(waiting):
-            ahead = _ahead(point)
-            in_turn = number == 0 and not has_group(self.job, ahead)
-            if in_turn or not has_status_ended(self.job, ahead):
-                yield Part(GROUP if in_turn else ahead, {"key": point.key})
-        if total and not waiting:
-            with self._open(GROUP, total) as branch:
-                if branch.status != ENDED:
-                    branch.finish(ALL_RECOMPUTED)
+    @cached_property
+    def points(self) -> list[StoredPoint]:
+        """The stored points of the case."""
+        return stored_points(self.job.store, self.job.case_id, self.job.case.refine.points_per_curve)
 
-    def compute(self, part: Part, job: Job) -> None:
+    def missing(self) -> tuple[int, list[Row]]:
+        """The points without a row."""
+        known = _known(self.job.store, self.job.path(GROUP))
+        waiting = [point.key for point in self.points if point.key not in known]
+        rows = [Row("-".join(map(str, key)), {"key": key}) for key in waiting]
+        return len(known) + len(rows) if self.points else 0, rows
+
+    def open(self, group: str, rows: int) -> BranchWriter:
+        """Open the group for so many points."""
+        return _open(self.job.store, self.job.path(group), self.job.case, rows)
+
+    def row(self, job: Job, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
         """Recompute one point."""
-        total, waiting = self._missing()
-        point = next(each for each in waiting if list(each.key) == list(part.arguments["key"]))
-        order = formal_order(job.case)
+        point = next(each for each in self.points if list(each.key) == list(arguments["key"]))
         found = refine_point(job.machine, self.levels, point)
-        known = estimate(point.value, grid_family(job.case), found, order)
-        with self._open(part.group, total if part.group == GROUP else 1) as branch:
-            branch.commit(_row(job.case, point, found, known))
-            if part.group != GROUP:
-                branch.finish(ALL_RECOMPUTED)
-        job.report_progress(total - len(waiting) + 1, total, _message(point, found, known))
+        known = estimate(point.value, grid_family(job.case), found, formal_order(job.case))
+        return _row(job.case, point, found, known), _message(point, found, known)
+
+    def finish(self, branch: BranchWriter) -> None:
+        """All points are recomputed."""
+        branch.finish(ALL_RECOMPUTED)
 
     def result(self) -> StageResult:
         """How many points are refined."""
@@ -121,24 +108,6 @@ class RefinementPlan(Plan):
         if not store.has_group(group):
             return StageResult(self.job.case_id, True, NOTHING, "continue cycles through a bifurcation first")
         return _result(self.job.case_id, read_group(store, group))
-
-    @cached_property
-    def points(self) -> list[StoredPoint]:
-        """The stored points of the case."""
-        return stored_points(self.job.store, self.job.case_id, self.job.case.refine.points_per_curve)
-
-    def _missing(self) -> tuple[int, list[StoredPoint]]:
-        """The number of rows that there will be, and the points without one."""
-        known = _known(self.job.store, self.job.path(GROUP))
-        waiting = [point for point in self.points if point.key not in known]
-        return len(known) + len(waiting) if self.points else 0, waiting
-
-    def _open(self, group: str, rows: int) -> BranchWriter:
-        return _open(self.job.store, self.job.path(group), self.job.case, rows)
-
-
-def _ahead(point: StoredPoint) -> str:
-    return f"{AHEAD}/{GROUP}-{'-'.join(map(str, point.key))}"
 
 
 def _known(store: Store, group: str) -> set[tuple[int, int, int]]:

@@ -38,7 +38,9 @@ STAGES: Mapping[str, str] = MappingProxyType(
 )
 """Module below `pipelines.stages` that has the function of each stage, under the stage's name."""
 
-DIVIDED = frozenset({"continue_cycles", "track_pd", "track_ns", "track_folds", "bifurcation_set", "refine"})
+DIVIDED = frozenset(
+    {"continue_cycles", "track_pd", "track_ns", "track_folds", "bifurcation_set", "survey", "refine"}
+)
 """Stages that consist of parts; the module of each has the function ``plan_<stage>`` beside its own."""
 
 AWAITED: Mapping[str, frozenset[str]] = MappingProxyType(

@@ -7,6 +7,9 @@ on the case alone, so that an interrupted survey goes on with the same bytes.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +20,16 @@ from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
-from pipelines.datasets.store import case_group, open_for_writing
-from pipelines.machine.assembly import build_machine, parameter_vector
+from pipelines.machine.assembly import parameter_vector
+from pipelines.stages.job import Job
 from pipelines.stages.parameter_columns import parameter_attributes
-from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.stages.parts import Row, RowPlan, compute_alone, discard_all, has_group
+from pipelines.stages.results import Report, ShouldStop, StageResult
 from pipelines.stages.survey.line import SurveyProblem, compute_line, survey_problem
 from pipelines.stages.survey.onsets import GROUP, onsets
 
 ALL_COMPUTED = "all lines are computed"
+STOPPED = "stopped on request"
 NOTHING_FOUND = "no cell has a cycle"
 SUCCESSFUL = frozenset({ALL_COMPUTED})
 ADVICE = {
@@ -38,19 +43,60 @@ ADVICE = {
 
 def survey(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill the group ``survey`` of a case, line by line; resumes after the last line."""
-    store, group = open_for_writing(store_path), case_group(named.case_id, GROUP)
-    problem = survey_problem(build_machine(named.case), named.case, parameter_vector(named.case))
-    lines = problem.across.points
-    sizes = {"line": lines, "cell": problem.along.points}
-    with open_branch(
-        store, group, "survey", sizes, {"along": problem.abscissae}, request_of(problem)
-    ) as branch:
-        while branch.n_points < lines and not should_stop():
-            branch.commit(compute_line(problem, branch.n_points))
-            report(Progress("survey", named.case_id, branch.n_points, lines, _message(problem, branch)))
-        if branch.n_points == lines and branch.status != ENDED:
-            _finish(branch, read_group(store, group, ("status",)))
-    return _result(named.case_id, read_group(store, group))
+    return compute_alone(plan_survey(named, store_path, report, should_stop))
+
+
+def plan_survey(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> SurveyPlan:
+    """The lines of a case; each is a part."""
+    return SurveyPlan(Job.of(GROUP, named, store_path, report, should_stop))
+
+
+@dataclass(frozen=True)
+class SurveyPlan(RowPlan):
+    """One row for each line."""
+
+    job: Job
+    group = GROUP
+
+    @cached_property
+    def problem(self) -> SurveyProblem:
+        """What all lines have in common."""
+        return survey_problem(self.job.machine, self.job.case, parameter_vector(self.job.case))
+
+    def missing(self) -> tuple[int, list[Row]]:
+        """The lines without a row, from the first one."""
+        lines = self.problem.across.points
+        known = self.job.read(GROUP, ()).n_points if has_group(self.job, GROUP) else 0
+        return lines, [Row(f"{line:04d}", {"line": line}) for line in range(known, lines)]
+
+    def open(self, group: str, rows: int) -> BranchWriter:
+        """Open the group for so many lines."""
+        sizes = {"line": rows, "cell": self.problem.along.points}
+        static = {"along": self.problem.abscissae}
+        return open_branch(
+            self.job.store, self.job.path(group), "survey", sizes, static, request_of(self.problem)
+        )
+
+    def row(self, job: Job, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+        """Compute one line."""
+        across, line = self.problem.across.parameter.replace("_", " "), int(arguments["line"])
+        return compute_line(self.problem, line), f"{across} {self.problem.ordinates[line]:.4g}"
+
+    def finish(self, branch: BranchWriter) -> None:
+        """Store how many cells have no cycle, or one that cannot be."""
+        group = read_group(self.job.store, branch.group, ("status",))
+        counted = Counter(group.labels("status").ravel().tolist())
+        cells = group["status"].size
+        notes = [f"{counted[name]} of {cells} cells {ADVICE[name]}" for name in ADVICE if counted[name]]
+        branch.finish(ALL_COMPUTED if counted["found"] > 0 else NOTHING_FOUND, "; ".join(notes))
+
+    def result(self) -> StageResult:
+        """Stable and unstable cells."""
+        if not self.job.should_stop():
+            discard_all(self.job)
+        if not has_group(self.job, GROUP):
+            return StageResult(self.job.case_id, True, STOPPED)
+        return _result(self.job.case_id, read_group(self.job.store, self.job.path(GROUP)))
 
 
 def request_of(problem: SurveyProblem) -> dict[str, Any]:
@@ -68,24 +114,10 @@ def request_of(problem: SurveyProblem) -> dict[str, Any]:
     }
 
 
-def _message(problem: SurveyProblem, branch: BranchWriter) -> str:
-    value = problem.ordinates[branch.n_points - 1]
-    return f"{problem.across.parameter.replace('_', ' ')} {value:.4g}"
-
-
-def _finish(branch: BranchWriter, group: Group) -> None:
-    """Store how many cells have no cycle, or one that cannot be."""
-    counted = Counter(group.labels("status").ravel().tolist())
-    cells = group["status"].size
-    notes = [f"{counted[name]} of {cells} cells {ADVICE[name]}" for name in ADVICE if counted[name]]
-    some = counted["found"] > 0
-    branch.finish(ALL_COMPUTED if some else NOTHING_FOUND, "; ".join(notes))
-
-
 def _result(case_id: str, group: Group) -> StageResult:
     """Stable and unstable cells, cells without a cycle, and the lowest onset."""
     if group.attributes["status"] != ENDED:
-        return StageResult(case_id, True, "stopped on request")
+        return StageResult(case_id, True, STOPPED)
     found = group.labels("status") == "found"
     summary: dict[str, Any] = {
         "cells": int(found.size),
