@@ -149,8 +149,7 @@ def finish(figure: Figure, title: str, note: str = "") -> Figure:
     # The layout is settled once: every further drawing would move things by a fraction of a pixel, and the
     # bytes of one format would depend on the formats saved before.
     figure.draw_without_rendering()
-    with mpl.rc_context({"figure.constrained_layout.use": False}):
-        figure.set_layout_engine(None)  # "none" would leave one for whose sake saving draws everything twice
+    figure.set_layout_engine("none")
     return figure
 
 

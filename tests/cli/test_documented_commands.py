@@ -163,7 +163,7 @@ def exported(words: list[str]) -> None:
         expected = (
             1 if name in BLAS_THREAD_VARIABLES else SETTINGS[f"distributed.nanny.pre-spawn-environ.{name}"]
         )
-        assert int(value) == expected
+        assert int(value) == int(expected)
 
 
 def launched(words: list[str]) -> None:

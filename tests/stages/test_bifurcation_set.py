@@ -124,16 +124,18 @@ def test_rounds_halve_the_cells(searched: Path) -> None:
     ]
 
 
-def test_lines_at_predicted_resonances(searched: Path) -> None:
+def test_lines_at_predicted_resonances(searched: Path, tmp_path: Path) -> None:
     """Twice a critical speed, unless another line is beside it."""
     overrides = (
         "bifurcation_set.resonances=true", "bifurcation_set.speeds=0", "bifurcation_set.frequencies=2",
         "track_curves.ranges=[[0.2, 2.0], [1.2, 1.24]]",
     )  # fmt: skip
+    path = tmp_path / "a.zarr"
+    shutil.copytree(searched, path)
     case = tiny_case(*WINDOW, *overrides)
-    assert Watched("criticals", case, searched).result.ok
-    found = [line.fixed for line in lines_of_round(job(searched, *overrides), 0, 1.2)]
-    resonances = group(searched, "criticals")
+    assert Watched("criticals", case, path).result.ok
+    found = [line.fixed for line in lines_of_round(job(path, *overrides), 0, 1.2)]
+    resonances = group(path, "criticals")
     principal = 2.0 * resonances["critical_speed"]
     wanted = [*principal, *(0.5 * principal)]
     assert found[:2] == pytest.approx([0.65, 1.55])
@@ -194,8 +196,8 @@ def test_only_what_bounds_stable_cycles_may_be_followed(tmp_path: Path) -> None:
     assert counts == [[0, 2], [2, 4]]
     assert [start.bounds for start in starts] == [True, False]
     on_a_curve = {(kind, starts[0].origin)}
-    assert StartQueue(at, (kind,), True, on_a_curve).next() is None
-    following = StartQueue(at, (kind,), False, on_a_curve).next()
+    assert StartQueue(at, (kind,), True, settled=on_a_curve).next() is None
+    following = StartQueue(at, (kind,), False, settled=on_a_curve).next()
     assert following is not None
     assert following.start.origin == starts[1].origin
 
