@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
+from scipy.interpolate import KroghInterpolator
 from scipy.optimize import brentq
 
 _NODES = 4  # of the interpolating polynomial, with their slopes
@@ -64,42 +63,15 @@ def _least_slope(nodes: Sequence[Node], at: Node) -> float:
 def _interpolated(nodes: Sequence[Node], low: Node, high: Node) -> float:
     """The zero between ``low`` and ``high`` of the polynomial through them and the newest other nodes."""
     others = [node for node in reversed(nodes) if node not in (low, high)]
-    polynomial = _Polynomial.through([low, high, *others[: _NODES - 2]])
+    polynomial = _through([low, high, *others[: _NODES - 2]])
     if polynomial(low.place) * polynomial(high.place) < 0.0:
         return float(brentq(polynomial, low.place, high.place, xtol=1e-15))
     return low.place - low.value * (high.place - low.place) / (high.value - low.value)
 
 
-@dataclass(frozen=True)
-class _Polynomial:
-    """Newton's form of an interpolating polynomial."""
-
-    places: tuple[float, ...]
-    coefficients: tuple[float, ...]
-
-    @classmethod
-    def through(cls, nodes: Sequence[Node]) -> _Polynomial:
-        """The polynomial with the values and the known slopes of the nodes, by divided differences."""
-        twice = [[node] * (1 if node.slope is None else 2) for node in nodes]
-        listed = [node for group in twice for node in group]
-        places, row = [node.place for node in listed], [node.value for node in listed]
-        coefficients = [row[0]]
-        for order in range(1, len(listed)):
-            row = [
-                _divided(places[i + order] - places[i], row[i + 1] - row[i], listed[i])
-                for i in range(len(row) - 1)
-            ]
-            coefficients.append(row[0])
-        return cls(tuple(places), tuple(coefficients))
-
-    def __call__(self, place: float) -> float:
-        total = 0.0
-        for known, coefficient in zip(reversed(self.places), reversed(self.coefficients), strict=True):
-            total = total * (place - known) + coefficient
-        return total
-
-
-def _divided(distance: float, difference: float, node: Node) -> float:
-    if distance != 0.0:
-        return difference / distance
-    return math.nan if node.slope is None else node.slope
+def _through(nodes: Sequence[Node]) -> KroghInterpolator:
+    """The polynomial with the values and the known slopes of the nodes; a place that is repeated has both."""
+    known = [
+        (node.place, number) for node in nodes for number in (node.value, node.slope) if number is not None
+    ]
+    return KroghInterpolator(*zip(*known, strict=True))

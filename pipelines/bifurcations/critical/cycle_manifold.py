@@ -29,7 +29,6 @@ from pipelines.orbits.solving import solve_or_none
 from pipelines.orbits.system import Matrix, Vector
 
 RESIDUAL_TOLERANCE = 1e-3  # of the Picard part of a residual, relative to the residual
-_REFINEMENTS = 1  # of a step
 _SETTLED = 0.1  # share of the corrector's tolerance below which it is not needed
 _NO_INFLUENCE = 0.1  # share of the corrector's tolerance below which a Picard change is left alone
 
@@ -227,25 +226,20 @@ def refined_step(
     """The correction plus ``across`` times its tangent, corrected for what V is not invariant.
 
     It solves the linearised equations of the surface as they are, not only in V, and keeps its products with
-    both rows.  Every refinement costs one column along the orbit and makes it a hundred times sharper.  None
-    if the system is singular.
+    both rows.  That costs one column along the orbit and makes the step a hundred times sharper.  None if the
+    system is singular.
     """
-    total = moved = step.correction.plus(step.across, across)
-    solution = step.solutions[:, 0] + across * step.solutions[:, 2]
-    whole, options = linear.basis.shape[0] == linear.basis.shape[1], linear.at.problem.options
+    moved = step.correction.plus(step.across, across)
+    if linear.basis.shape[0] == linear.basis.shape[1]:
+        return moved
     size = linear.scale * math.sqrt(len(moved.state))
     share = float(np.linalg.norm(linear.sources[:, 0])) / size
-    for _ in range(0 if whole else _REFINEMENTS):
-        left, phase = _left_over(linear, solution, moved)
-        if float(np.linalg.norm(left)) <= size * _SETTLED * max(options.tolerance, share * share):
-            break
-        linear = _with_residual(linear, left, phase)
-        again = manifold_step(linear, rows, (0.0, 0.0))
-        if again is None:
-            return None
-        moved, solution = again.correction, again.solutions[:, 0]
-        total = total.plus(moved)
-    return total
+    left, phase = _left_over(linear, step.solutions[:, 0] + across * step.solutions[:, 2], moved)
+    tolerance = linear.at.problem.options.tolerance
+    if float(np.linalg.norm(left)) <= size * _SETTLED * max(tolerance, share * share):
+        return moved
+    again = manifold_step(_with_residual(linear, left, phase), rows, (0.0, 0.0))
+    return None if again is None else moved.plus(again.correction)
 
 
 def _left_over(linear: ManifoldLinearisation, solution: Vector, moved: Position) -> tuple[Vector, float]:
