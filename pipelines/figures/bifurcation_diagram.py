@@ -44,6 +44,8 @@ EVENT_MARKS = {
     "neimark_sacker": EventMark("Neimark–Sacker (NS)", "o", style.PURPLE),
     "branch_point": EventMark("branch point (BP)", "^", style.BLACK),
     "neutral_saddle": EventMark("neutral saddle", "X", style.GREY),
+    "hopf": EventMark("Hopf bifurcation of a torus", "o", style.PURPLE),
+    "unknown": EventMark("bifurcation of a torus", "*", style.BLACK),
     "own_period_doubling": EventMark("period doubling of half the period", "d", style.ORANGE),
 }
 
@@ -101,7 +103,16 @@ def event_neighbours(branch: Table) -> NDArray[np.intp]:
 
 
 def _fraction(branch: Table, before: NDArray[np.intp], beyond: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Position between 0 and 1 of each bifurcation between its two neighbours in state space."""
+    """Position between 0 and 1 of each bifurcation between its two neighbours.
+
+    From the arclength, where the store keeps it, else in state space.
+    """
+    if "event_arclength" in branch:
+        arclength = branch["arclength"]
+        length = arclength[beyond] - arclength[before]
+        return np.asarray(
+            (branch["event_arclength"] - arclength[before]) / np.where(length > 0.0, length, 1.0)
+        )
     state, events = branch["state"], branch["event_state"]
     from_start = np.linalg.norm(events - state[before], axis=1)
     to_end = np.linalg.norm(state[beyond] - events, axis=1)

@@ -19,7 +19,6 @@ import numpy as np
 
 from pipelines.bifurcations.acceptance import StepRule, refusal
 from pipelines.bifurcations.continuation import (
-    CubicPiece,
     Limit,
     Rejected,
     Tracer,
@@ -29,14 +28,9 @@ from pipelines.bifurcations.continuation import (
     leaves_ranges,
     one_history,
 )
+from pipelines.bifurcations.tori.events import TorusEvent, TorusTests, find_events, unstable_number
 from pipelines.bifurcations.tori.fourier import amplitudes, nearest_fraction, resampled, tail
-from pipelines.bifurcations.tori.invariant_curve import (
-    Torus,
-    TorusCorrection,
-    correct_on_angles,
-    correct_torus,
-    torus_tangent,
-)
+from pipelines.bifurcations.tori.invariant_curve import Torus, TorusCorrection, correct_torus, torus_tangent
 from pipelines.bifurcations.tori.problem import (
     TorusMetric,
     TorusProblem,
@@ -44,7 +38,7 @@ from pipelines.bifurcations.tori.problem import (
     fixed_parameter,
     metric_of,
 )
-from pipelines.bifurcations.tori.slow_bases import SlowBases
+from pipelines.bifurcations.tori.segment import TorusSegment, reference_curve, rotation_known
 from pipelines.bifurcations.tori.stability import TorusSpectrum, converged_spectrum
 from pipelines.bifurcations.tori.torus import (
     TorusOptions,
@@ -70,60 +64,31 @@ def continue_torus(
     problem: TorusProblem,
     start: TorusStart | TorusState,
     options: TorusOptions,
-    record: Callable[[TorusPoint, TorusState], None],
+    record: Callable[[TorusPoint, TorusState, tuple[TorusEvent, ...]], None],
     limit: Limit[TorusPoint] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> TorusResult:
     """Trace a branch of tori from a guess, or resume it from a recorded state.
 
-    ``record(point, state)`` is called once per accepted point; ``state`` is all that is needed to restart
-    after it.  ``limit(point)`` returns a sentence when the point must not be accepted, which ends the branch
-    before it.  ``should_stop()`` is asked after each recorded point.  The last point lies exactly on the end
-    of the range.  Raises ValueError when the start lies outside the range; every other failure is a
-    TorusResult.
+    ``record(point, state, events)`` is called once per accepted point, with the bifurcations before it;
+    ``state`` is all that is needed to restart after it.  ``limit(point)`` returns a sentence when the point
+    must not be accepted, which ends the branch before it.  ``should_stop()`` is asked after each recorded
+    point.  The last point lies exactly on the end of the range.  Raises ValueError when the start lies
+    outside the range; every other failure is a TorusResult.
     """
     metric = metric_of(problem, start.parameter, options.parameter_scale)
     tracer = _Tori(problem, options, metric)
-    return follow(tracer, start, lambda point, state, _: record(point, state), limit, should_stop)
+    return follow(tracer, start, record, limit, should_stop)
 
 
 @dataclass(frozen=True)
 class _Step:
-    """An accepted step: its point, the unit tangent there and its length."""
+    """An accepted step: its point, the unit tangent there, its length, the bifurcations on it."""
 
     point: TorusPoint
     tangent: TorusUnknowns
     length: float
-    found: tuple[()] = ()
-
-
-@dataclass(frozen=True)
-class _Segment(CubicPiece[TorusUnknowns]):
-    """The branch between two tori with their unit tangents, on the same angles; ``bases``: slow subspaces."""
-
-    problem: TorusProblem
-    metric: TorusMetric
-    start: TorusUnknowns
-    start_tangent: TorusUnknowns
-    end: TorusUnknowns
-    end_tangent: TorusUnknowns
-    bases: SlowBases
-
-    def ends(self) -> tuple[TorusUnknowns, TorusUnknowns, TorusUnknowns, TorusUnknowns]:
-        """Start, unit tangent there, end, unit tangent there."""
-        return self.start, self.start_tangent, self.end, self.end_tangent
-
-    def missed_at(self, fraction: float) -> float:
-        """Distance of the torus at a fraction from the cubic.
-
-        Zero when there is no such torus: in a resonance, where nothing can be told of the step.
-        """
-        cubic, row = self.guess(fraction), self.metric.row(self.chord)
-        constraint = Constraint(row, row.dot(self.start) + fraction * row.dot(self.chord))
-        bases = self.bases.resampled(len(cubic.states))
-        reference = _reference(self.problem, cubic)
-        torus = correct_on_angles(self.problem, cubic, constraint, bases, reference).torus
-        return 0.0 if torus is None else self.metric.norm(torus.unknowns.minus(cubic))
+    found: tuple[TorusEvent, ...]
 
 
 @dataclass(frozen=True)
@@ -143,7 +108,7 @@ class _Tori(Tracer[TorusState, _Step]):
         guess = TorusUnknowns(np.array(start.states, dtype=float), start.rotation, start.parameter)
         count = len(guess.states)
         constraint = fixed_parameter(problem, count, start.parameter)
-        correction = correct_torus(problem, guess, constraint, start.bases, _reference(problem, guess))
+        correction = correct_torus(problem, guess, constraint, start.bases, reference_curve(problem, guess))
         torus = correction.torus
         if torus is None:
             return Rejected(correction.stop.advice)
@@ -153,7 +118,7 @@ class _Tori(Tracer[TorusState, _Step]):
             return Rejected(TorusStop.COLLAPSED.advice)
         torus, spectrum = converged_spectrum(problem, torus)
         row = TorusUnknowns(np.zeros_like(torus.unknowns.states), 0.0, float(options.direction))
-        tangent = torus_tangent(problem, torus, row, _reference(problem, torus.unknowns))
+        tangent = torus_tangent(problem, torus, row, reference_curve(problem, torus.unknowns))
         if tangent is None:
             return Rejected("the parameter turns at the first point")
         tangent = self.metric.unit(tangent)
@@ -172,7 +137,7 @@ class _Tori(Tracer[TorusState, _Step]):
         correction = self._predict_and_correct(state)
         torus = correction.torus
         if torus is None:
-            resonance = "" if _known(problem, state.parameter) else f" ({_resonance(state.rotation)})"
+            resonance = "" if rotation_known(problem, state.parameter) else f" ({_resonance(state.rotation)})"
             return Rejected(correction.stop.advice + resonance)
         if correction.rough:
             return Rejected(_roughness(problem, torus), TorusStop.ROUGH, _ROUGH_STEP)
@@ -182,18 +147,27 @@ class _Tori(Tracer[TorusState, _Step]):
         chord = torus.unknowns.minus(before)
         if metric.norm(chord) == 0.0:
             return Rejected("the corrector returned to the previous point")
-        tangent = torus_tangent(problem, torus, metric.row(chord), _reference(problem, torus.unknowns))
+        tangent = torus_tangent(problem, torus, metric.row(chord), reference_curve(problem, torus.unknowns))
         if tangent is None:
             return Rejected("the tangent is singular")
         tangent, end = metric.unit(tangent), torus.unknowns
-        segment = _Segment(problem, metric, before, tangent_before, end, tangent, state.slow_bases)
+        segment = TorusSegment(problem, metric, before, tangent_before, end, tangent, state.slow_bases)
         rule = StepRule(self.options.minimum_cosine, _MISSED, _DOUBTFUL_DEFECT, math.inf)
         message = refusal(metric, tangent_before, chord, tangent, rule, segment.missed_at)
         if message is not None:
             return Rejected(message)
         torus, spectrum = converged_spectrum(problem, torus)
         point = TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms)
-        return _Step(point, tangent, segment.length)
+        events = self._events(segment, state, spectrum) if self.options.events else ()
+        return _Step(point, tangent, segment.length, events)
+
+    def _events(
+        self, segment: TorusSegment, state: TorusState, spectrum: TorusSpectrum
+    ) -> tuple[TorusEvent, ...]:
+        """The bifurcations on the step from a state; ``spectrum``: at its end."""
+        before = TorusTests(state.moduli, state.unstable, state.tangent_parameter)
+        after = TorusTests.of(spectrum, segment.end_tangent)
+        return find_events(segment, before, after, spectrum, state.arclength, self.options.event_tolerance)
 
     def advance(self, state: TorusState, step: _Step) -> TorusState:
         """The state after an accepted step; the step length follows the count of the corrector."""
@@ -211,7 +185,7 @@ class _Tori(Tracer[TorusState, _Step]):
         row = self.metric.row(state.tangent)
         guess = state.unknowns.plus(state.tangent, state.step)
         constraint = Constraint(row, row.dot(state.unknowns) + state.step)
-        reference = _reference(problem, state.unknowns)
+        reference = reference_curve(problem, state.unknowns)
         passed = bound_passed((guess.parameter,), ranges)
         if passed is not None:
             return _correct_on_bound(problem, state, guess, passed[1], reference)
@@ -236,22 +210,13 @@ def _correct_on_bound(
     return correct_torus(problem, guess, constraint, state.slow_bases, reference)
 
 
-def _known(problem: TorusProblem, parameter: float) -> bool:
-    return problem.circle.rotation(parameter) is not None
-
-
-def _reference(problem: TorusProblem, unknowns: TorusUnknowns) -> Matrix | None:
-    """The curve that sets the phase condition of its neighbours."""
-    return None if _known(problem, unknowns.parameter) else unknowns.states
-
-
 def _collapsed(problem: TorusProblem, unknowns: TorusUnknowns, before: TorusUnknowns) -> bool:
     """Whether the deviation from the mean reversed its direction since the last curve.
 
     Between them a torus with unknown rotation was a cycle, through which the same tori continue with
     half a turn of the angle.
     """
-    if _known(problem, unknowns.parameter):
+    if rotation_known(problem, unknowns.parameter):
         return False
     new, old = unknowns.states, resampled(before.states, len(unknowns.states))
     old = old - old.mean(axis=0)
@@ -283,6 +248,8 @@ def _state(
         arclength=arclength,
         bases=bases.columns,
         leading=bases.leading,
+        moduli=spectrum.moduli,
+        unstable=unstable_number(spectrum),
     )
 
 
