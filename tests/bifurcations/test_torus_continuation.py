@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.tori.circle_map import PeriodCircle
-from pipelines.bifurcations.tori.continuation import continue_torus
+from pipelines.bifurcations.tori.continuation import continue_torus, resonance_ahead
 from pipelines.bifurcations.tori.fourier import angles, interpolated
 from pipelines.bifurcations.tori.problem import FourierOptions, TorusProblem
 from pipelines.bifurcations.tori.slow_bases import constant_bases
@@ -167,6 +167,30 @@ def test_locking_ends_a_branch() -> None:
     assert np.all(np.diff(turns) < 0.0)
 
 
+@pytest.mark.slow
+def test_a_leap_over_a_resonance() -> None:
+    """Over the 1:5 tongue near omega = 4.95 the branch goes on; simulation confirms the rotation beyond."""
+    _, run, period_map = van_der_pol_branch(1.0, 4.92, 5.0, FourierOptions(tolerance=1e-6, most=63))
+    assert run.result.stop is TorusStop.RANGE
+    turns = run.rotations / (2.0 * math.pi)
+    assert np.all(np.diff(turns) > 0.0)
+    (crossed,) = np.flatnonzero((turns[:-1] < -0.2) & (turns[1:] > -0.2))
+    assert run.parameters[crossed + 1] - run.parameters[crossed] < 0.05
+    last = run.parameters[-1]
+    orbit = long_orbit(period_map, np.array([last, 0.4, 1.0]), np.array([2.0, 0.0]), 2200)[200:]
+    difference = rotation_number(orbit) / (2.0 * math.pi) - turns[-1]
+    assert abs(difference - round(difference)) < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("rotation", "slope", "ahead"),
+    [(0.19, 1.0, 0.01), (0.21, -2.0, -0.01), (-0.2001, 0.1, 0.0001), (0.49, 1.0, 0.01), (0.3, 0.0, None)],
+)
+def test_the_resonance_ahead(rotation: float, slope: float, ahead: float | None) -> None:
+    found = resonance_ahead(2.0 * math.pi * rotation, slope)
+    assert found == (None if ahead is None else pytest.approx(2.0 * math.pi * ahead, rel=1e-9))
+
+
 def test_torus_shrinks_to_its_cycle() -> None:
     """Back to the Neimark-Sacker point at mu = 0, where r^2 = mu: the branch ends there."""
     period_map = PeriodMap(shaken_hopf(0.35), DOPRI8, samples=1)
@@ -221,7 +245,7 @@ def test_example_of_the_docstring() -> None:
     names = {
         "np": np, "ode_system": ode_system, "PeriodCircle": PeriodCircle, "PeriodMap": PeriodMap,
         "DOPRI8": DOPRI8, "TorusProblem": TorusProblem, "torus_around": torus_around,
-        "continue_torus": continue_torus, "record": lambda point, state: points.append(point),
+        "continue_torus": continue_torus, "record": lambda point, *_: points.append(point),
         "TorusOptions": lambda range: TorusOptions(range, max_points=2),
     }  # fmt: skip
     exec(example, names)

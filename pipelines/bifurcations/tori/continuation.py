@@ -5,8 +5,9 @@ In the space u = (X, rho, lambda) a curve follows u_0 with unit tangent t at dis
     S(-rho) P(X) - X = 0,    phase(X) = 0 (rho unknown),    <t, u - u_0> = h
 
 The number of angles follows the Fourier series from point to point.  Tori with unknown rotation form a smooth
-family only between their resonances: near a rotation of p/q turns with small q the torus locks, its Fourier
-series does not fall, and the branch ends there unless a step leads across.
+family only between their resonances: near a rotation of p/q turns with small q the torus locks, and its
+Fourier series does not fall.  Where steps get too short there, a leap seeks the torus whose rotation is as
+far beyond p/q as that of the last one is before it, or a few times as far.  Without one the branch ends.
 """
 
 from __future__ import annotations
@@ -58,6 +59,9 @@ _NOTHING = 1e-3  # share of the deviation from the mean that a torus may not los
 # than along a smooth curve.
 _DOUBTFUL_DEFECT, _MISSED = 0.4, 0.25
 _LARGEST_DENOMINATOR = 12  # of the resonances that are named
+_LARGEST_CROSSED = 8  # denominator of the resonances that are leapt over
+_LEAPS = (1.0, 2.0, 4.0, 8.0)  # distances beyond a resonance, in that before it
+_LONGEST_LEAP = 2.0  # in steps of the maximum length
 
 
 def continue_torus(
@@ -83,12 +87,16 @@ def continue_torus(
 
 @dataclass(frozen=True)
 class _Step:
-    """An accepted step: its point, the unit tangent there, its length, the bifurcations on it."""
+    """An accepted step: its point, the unit tangent there, its length, the bifurcations on it.
+
+    ``leapt``: whether it leads over a resonance.
+    """
 
     point: TorusPoint
     tangent: TorusUnknowns
     length: float
-    found: tuple[TorusEvent, ...]
+    found: tuple[TorusEvent, ...] = ()
+    leapt: bool = False
 
 
 @dataclass(frozen=True)
@@ -132,7 +140,13 @@ class _Tori(Tracer[TorusState, _Step]):
         return TorusStop.MAXIMUM_POINTS if state.index + 1 >= self.options.max_points else None
 
     def attempt(self, state: TorusState) -> _Step | Rejected:
-        """One step: predict, correct, test."""
+        """One step: predict, correct, test; in place of the shortest one a leap over a resonance."""
+        step = self._stepped(state)
+        if isinstance(step, Rejected) and self.is_shortest(state):
+            return self._leap(state) or step
+        return step
+
+    def _stepped(self, state: TorusState) -> _Step | Rejected:
         problem, metric = self.problem, self.metric
         correction = self._predict_and_correct(state)
         torus = correction.torus
@@ -172,9 +186,64 @@ class _Tori(Tracer[TorusState, _Step]):
     def advance(self, state: TorusState, step: _Step) -> TorusState:
         """The state after an accepted step; the step length follows the count of the corrector."""
         point = step.point
-        length = adapted_length(state.step, point.iterations, self.options)
+        tried = self.options.step if step.leapt else state.step
+        length = adapted_length(tried, point.iterations, self.options)
         index, arclength = state.index + 1, state.arclength + step.length
         return _state(self.problem, point.torus, point.spectrum, step.tangent, index, length, arclength)
+
+    def _leap(self, state: TorusState) -> _Step | None:
+        """The torus beyond the resonance ahead; None where there is none that the branch leads to.
+
+        Its rotation is fixed instead of the arclength: rho = rho_r + s (rho_r - rho_0).
+        """
+        ahead = resonance_ahead(state.rotation, state.tangent_rotation)
+        if rotation_known(self.problem, state.parameter) or ahead is None:
+            return None
+        for distance in _LEAPS:
+            rotation = state.rotation + (1.0 + distance) * ahead
+            length = (rotation - state.rotation) / state.tangent_rotation
+            if length > _LONGEST_LEAP * self.options.maximum_step:
+                return None
+            torus = self._torus_with_rotation(state, rotation, length)
+            if torus is not None and (step := self._landed(state, torus)) is not None:
+                return step
+        return None
+
+    def _torus_with_rotation(self, state: TorusState, rotation: float, length: float) -> Torus | None:
+        """The torus with a rotation, guessed a length ahead of a state; None where it is rough or absent."""
+        guess = state.unknowns.plus(state.tangent, length)
+        low, high = self.options.range
+        row = TorusUnknowns(np.zeros_like(guess.states), 1.0, 0.0)
+        correction = correct_torus(
+            self.problem, guess, Constraint(row, rotation), state.slow_bases, state.unknowns.states
+        )
+        torus = correction.torus
+        if torus is None or correction.rough or not low <= torus.unknowns.parameter <= high:
+            return None
+        return torus
+
+    def _landed(self, state: TorusState, torus: Torus) -> _Step | None:
+        """The step to a torus beyond a resonance; None where the branch does not lead there.
+
+        Beside a resonance the angle runs unevenly, so that tangents tell nothing of the step; but parameter
+        and rotation must proceed as before, and the torus must be near.
+        """
+        problem, metric = self.problem, self.metric
+        before, old = state.unknowns.resampled(torus.count), state.tangent.resampled(torus.count)
+        chord = torus.unknowns.minus(before)
+        tangent = torus_tangent(problem, torus, metric.row(chord), torus.unknowns.states)
+        if tangent is None:
+            return None
+        tangent = metric.unit(tangent)
+        tangent = tangent.scaled(math.copysign(1.0, tangent.rotation * old.rotation))
+        proceeds = all(one.parameter * old.parameter > 0.0 for one in (chord, tangent))
+        if not proceeds or metric.norm(chord) > _LONGEST_LEAP * self.options.maximum_step:
+            return None
+        torus, spectrum = converged_spectrum(problem, torus)
+        segment = TorusSegment(problem, metric, before, old, torus.unknowns, tangent, state.slow_bases)
+        events = self._events(segment, state, spectrum) if self.options.events else ()
+        point = TorusPoint(torus, spectrum, (torus.residual,), ())
+        return _Step(point, tangent, segment.length, events, leapt=True)
 
     def _predict_and_correct(self, state: TorusState) -> TorusCorrection:
         """Correct the tangent prediction on the arclength row.
@@ -263,6 +332,21 @@ def _following_count(problem: TorusProblem, torus: Torus) -> int:
             break
         count = half
     return count
+
+
+def resonance_ahead(rotation: float, slope: float) -> float | None:
+    """Turn [rad] from a rotation to the nearest resonance that it moves to; None where it stands still.
+
+    Resonances are those with denominators up to ``_LARGEST_CROSSED``.
+    """
+    if slope == 0.0:
+        return None
+    turns = rotation / (2.0 * math.pi)
+    sense = math.copysign(1.0, slope)
+    distances = [
+        (math.ceil(sense * turns * q) - sense * turns * q) / q for q in range(1, _LARGEST_CROSSED + 1)
+    ]
+    return sense * 2.0 * math.pi * min(distances)
 
 
 def _resonance(rotation: float) -> str:
