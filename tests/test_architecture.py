@@ -54,8 +54,8 @@ ORDER = {
         "hopf_point", "tori",
     ),
     "stages": (
-        "results", "parameter_columns", "job", "parts", "step_errors", "ending", "linear", "cycles", "curves",
-        "survey", "transients", "tori", "refinement", "calibration", "reports", "scheduling",
+        "results", "parameter_columns", "job", "parts", "step_errors", "ending", "linear", "cycles", "survey",
+        "certificate", "curves", "transients", "tori", "refinement", "calibration", "reports", "scheduling",
     ),
 }  # fmt: skip
 TOP_LEVEL_FOLDERS = {"agfb_cli", "pipelines", "configs", "tests"}

@@ -142,6 +142,11 @@ class BifurcationSet(Table):
         0.05,
         because="a tongue narrower than a step can be missed; arclength is dimensionless",
     )
+    certify: bool = table(
+        "whether to compare the curves with a survey ([survey]) and 100 random points of the plane, and to add "
+        "branches through the places that disagree; the search is then complete when none is left",
+        False,
+    )
     smallest_film: float = quantity(
         "branches along the speed begin at the lowest speed with at least this film thickness at equilibrium",
         "1",

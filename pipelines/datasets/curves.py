@@ -6,7 +6,7 @@ values and the slopes of the rows, so the curve is met with an error of fourth o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from pipelines.case.arrays import Array
+from pipelines.datasets.records import Group
+from pipelines.datasets.store import local_name
 
+CRITICAL_MULTIPLIERS = {"period_doubling": 1, "neimark_sacker": 2, "fold": 1}
 CURVE_CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
 FINISHED = frozenset(
     {"closed", "range", "resonance_1", "resonance_2", "traced"}
@@ -47,6 +50,11 @@ class BifurcationCurve:
     criticality: NDArray[np.str_]
     angle: Array
     special: Array
+
+    @property
+    def critical_multipliers(self) -> int:
+        """Number of multipliers that are on the unit circle along the curve."""
+        return CRITICAL_MULTIPLIERS[self.bifurcation]
 
     @property
     def is_complete(self) -> bool:
@@ -100,8 +108,11 @@ class BifurcationCurve:
         Between two rows that differ, and without a located special point to tell where, the smaller number:
         it calls more of the curve a boundary of stability.
         """
-        before, behind = self._neighbours(arclength)
-        return int(min(self.unstable[before], self.unstable[behind]))
+        return min(self.possibly_unstable_at(arclength))
+
+    def possibly_unstable_at(self, arclength: float) -> frozenset[int]:
+        """The same number; two numbers between two rows that differ, without a special point to tell where."""
+        return frozenset(int(self.unstable[row]) for row in self._neighbours(arclength))
 
     def criticality_at(self, arclength: float) -> str:
         """Type of the bifurcation; "unset" where the rows on both sides differ."""
@@ -124,6 +135,16 @@ class BifurcationCurve:
     def stretches(self) -> Array:
         """Arclengths (m,) of the rows and special points; the kind is constant between two of them."""
         return np.unique(np.concatenate([self.arclength, self.special]))
+
+
+def curves_of_plane(groups: Iterable[Group], parameters: Sequence[str]) -> tuple[BifurcationCurve, ...]:
+    """The curves over two parameters among ``groups``, of cycles of the excitation period alone."""
+    read = [
+        read_curve(local_name(group.name), group.labelled(), group.attributes)
+        for group in groups
+        if list(group.attributes["parameters"]) == list(parameters)
+    ]
+    return tuple(curve for curve in read if curve is not None and curve.turns == 1)
 
 
 def read_curve(

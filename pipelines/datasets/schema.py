@@ -620,6 +620,9 @@ SURVEY = GroupSpec(
         ),
         _real("growth_rate", "line cell", "largest growth rate ln|mu| / T beside the cycle, dimensionless"),
         _complex("multiplier", "line cell", "Floquet multiplier mu of the largest modulus"),
+        _complex(
+            "nearest_multiplier", "line cell", "Floquet multiplier with the modulus nearest to 1, as ln|mu|"
+        ),
         _flag(
             "bifurcation",
             "line cell",
@@ -637,6 +640,44 @@ SURVEY = GroupSpec(
     ),
     row="line",
     coordinates=("across",),
+)
+
+VERDICTS = ("agrees", "disagrees", "not_decided")
+
+
+def _verdict(name: str, dimensions: str, long_name: str) -> ArraySpec:
+    return _flag(name, dimensions, long_name, *VERDICTS)
+
+
+def _of_places(prefix: str, dimensions: str, places: str) -> tuple[ArraySpec, ...]:
+    """What is found and expected at some places of a certificate."""
+    return (
+        _count(f"{prefix}found", dimensions, f"multipliers outside the unit circle at the {places}; -1: open"),
+        _count(
+            f"{prefix}expected",
+            dimensions,
+            "the same as the curves tell it from the places beside; -1 where they do not",
+        ),
+        _verdict(f"{prefix}verdict", dimensions, f"whether the curves explain what is found at the {places}"),
+        _complex(f"{prefix}nearest", dimensions, "Floquet multiplier with the modulus nearest to 1, as ln|mu|"),
+    )
+
+
+CERTIFICATE = GroupSpec(
+    "certificate",
+    "Whether the bifurcation curves explain the stability that was found at points of their plane",
+    (
+        _real("along", "cell", "the first of the attribute parameters at the cells of the survey"),
+        _real("across", "line", "the other parameter on the lines of the survey"),
+        *_of_places("", "line cell", "cells"),
+        _verdict("pair_along", "line gap_along", "the same for a cell and the next one on its line"),
+        _verdict("pair_across", "gap_across cell", "the same for a cell and the one on the next line"),
+        _real("point_along", "point", "the first parameter at random points"),
+        _real("point_across", "point", "the other parameter at random points"),
+        *_of_places("point_", "point", "random points"),
+        _flag("asked_parameter", "asked", "parameter along a line that the search shall add", *PARAMETERS),
+        _real("asked_fixed", "asked", "value of the other parameter on this line"),
+    ),
 )
 
 REFINEMENT = GroupSpec(
@@ -913,6 +954,7 @@ KINDS: Mapping[str, GroupSpec] = {
         CURVE,
         BIFURCATION_SET,
         SURVEY,
+        CERTIFICATE,
         REFINEMENT,
         CALIBRATION,
         TRANSIENT,

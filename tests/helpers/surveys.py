@@ -52,6 +52,7 @@ def _line(along: np.ndarray, across: float, onset: float, number: int) -> dict[s
         "status": np.zeros(len(along), dtype=np.int8),
         "growth_rate": growth,
         "multiplier": np.exp(growth) * np.where(doubling, -1.0, 1.0j),
+        "nearest_multiplier": np.exp(growth) * np.where(doubling, -1.0, 1.0j),
         "bifurcation": kinds,
         "unstable_count": np.where(growth > 0.0, np.where(doubling, 1, 4), 0),
         "minimum_film": np.full(len(along), 0.3),

@@ -3,12 +3,14 @@
 Branches of cycles cross the plane along lines of constant excitation frequency and of constant speed.  Every
 bifurcation on them that lies on no curve yet starts one; so does every codimension-two point at which another
 curve meets one of these.  Further rounds of lines between the old ones follow, until a whole round finds no
-new curve.
+new curve.  With ``bifurcation_set.certify`` the curves are then compared with a survey of the plane
+(`pipelines.stages.certificate`), and lines through the places that disagree follow.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator
+from contextlib import suppress
 from dataclasses import astuple, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -28,6 +30,10 @@ from pipelines.machine.assembly import parameter_vector
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest, machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.stages import step_errors
+from pipelines.stages.certificate.asked import Asked
+from pipelines.stages.certificate.certify import CONTAINER as CERTIFICATES
+from pipelines.stages.certificate.certify import Request, certify, stored_lines
+from pipelines.stages.certificate.summary import Summary
 from pipelines.stages.curves.parts import compute_curve, curve_is_needed, curve_parts
 from pipelines.stages.curves.rows import CONTAINERS
 from pipelines.stages.curves.starts import StartQueue
@@ -35,8 +41,10 @@ from pipelines.stages.curves.track_curves import curves_result
 from pipelines.stages.cycles.branch import BranchRequest, is_traced, trace_branch
 from pipelines.stages.cycles.start import first_hopf
 from pipelines.stages.job import Job, Origin
-from pipelines.stages.parts import Part, Plan, compute_alone, discard_all
-from pipelines.stages.results import Report, ShouldStop, StageResult
+from pipelines.stages.parts import AHEAD, Part, Plan, compute_alone, discard_all, has_group
+from pipelines.stages.results import Report, ShouldStop, StageResult, StopRequested
+from pipelines.stages.survey.onsets import GROUP as SURVEY
+from pipelines.stages.survey.survey import SurveyPlan
 
 Interval = tuple[float, float]
 
@@ -81,63 +89,127 @@ def plan_bifurcation_set(
 class SearchPlan(Plan):
     """Round by round: all lines of a round, then all curves that start from what is stored.
 
-    ``lines`` of the rounds whose curves are traced, and whether the search is ``complete``.
+    ``lines`` of the rounds whose curves are traced, and whether the search is ``complete``; ``certificate``:
+    the group of the newest certificate, if one is asked for.
     """
 
     job: Job
     queue: StartQueue
     lines: list[Line] = field(default_factory=list)
     complete: bool = False
+    certificate: str | None = None
 
     @cached_property
     def lowest(self) -> float | None:
         """The lowest speed of the lines; None if there is nothing to search."""
         return None if nothing_to_search(self.job.case) is not None else lowest_speed(self.job)
 
-    def parts(self, settled: bool = True) -> Generator[Part]:
-        """The missing lines of a round, or the missing curves.
+    @cached_property
+    def survey(self) -> SurveyPlan:
+        """The survey with which the curves are compared."""
+        return SurveyPlan(self.job)
 
-        Lines do not wait for what starts curves; the second round always follows the first.
+    def parts(self, settled: bool = True) -> Generator[Part]:
+        """The missing lines of a round, or the missing curves; then what a certificate needs.
+
+        Lines do not wait for what starts curves; the second round always follows the first.  Lines of the
+        survey wait for nothing and are behind everything else.
         """
-        self.lines, self.complete = [], False
+        self.lines, self.complete, self.certificate = [], False, None
         if self.lowest is None:
             return
+        ended = yield from self._rounds(self.lowest, settled)
+        if not self.job.case.bifurcation_set.certify:
+            return
+        surveying = False
+        for part in self.survey.parts():
+            surveying = True
+            yield part
+        if ended and not surveying:
+            yield from self._certified(self.lowest)
+
+    def _rounds(self, lowest: float, settled: bool) -> Generator[Part, None, bool]:
+        """What is missing of the rounds of lines; returns whether nothing is."""
         rounds = self.job.case.bifurcation_set.max_rounds
         for number in range(rounds):
-            fresh, missing = self._round(number, self.lowest)
+            fresh = lines_of_round(self.job, number, lowest)
+            missing = self._missing_lines(fresh, lowest)
             if number > 0:
                 if not settled or (yield from self._missing_curves()):
                     yield from missing if number == 1 else ()
-                    return
+                    return False
                 self.complete = number > 1 and self._last_round_was_in_vain()
                 if self.complete:
-                    return
+                    return True
             if missing:
                 yield from missing
                 if number == 0 and rounds > 1:
                     self.lines += fresh
-                    yield from self._round(1, self.lowest)[1]
+                    yield from self._missing_lines(lines_of_round(self.job, 1, lowest), lowest)
+                return False
+            self.lines += fresh
+        if not settled or (yield from self._missing_curves()):
+            return False
+        self.complete = rounds > 1 and self._last_round_was_in_vain()
+        return True
+
+    def _certified(self, lowest: float) -> Generator[Part]:
+        """Certificates, and after each the lines that it asks for with their curves, until one asks for none.
+
+        At most ``bifurcation_set.max_rounds`` times.
+        """
+        for number in range(self.job.case.bifurcation_set.max_rounds + 1):
+            group, before = (f"{CERTIFICATES}/r{each:03d}" for each in (number, number - 1))
+            if not has_group(self.job, group):
+                arguments = {"lowest": lowest, "lines": [astuple(line) for line in self.lines]}
+                yield Part(group, arguments | {"before": before if number else None})
+                return
+            self.certificate = group
+            asked = self.job.read(group, ("asked_parameter", "asked_fixed"))
+            self.complete = bool(asked.attributes["certified"])
+            fresh = [Line(*line, self.lines[-1].round + 1) for line in stored_lines(asked)]
+            if not fresh or number == self.job.case.bifurcation_set.max_rounds:
+                return
+            if missing := self._missing_lines(fresh, lowest):
+                yield from missing
                 return
             self.lines += fresh
-        if settled and not (yield from self._missing_curves()):
-            self.complete = rounds > 1 and self._last_round_was_in_vain()
+            if (yield from self._missing_curves()):
+                return
 
-    def _round(self, number: int, lowest: float) -> tuple[list[Line], list[Part]]:
-        """The lines of the round after those of `lines`, and parts for those that are missing."""
-        fresh, missing = lines_of_round(self.job, number, lowest), list[Part]()
+    def _missing_lines(self, fresh: list[Line], lowest: float) -> list[Part]:
+        """Parts for those of some lines after `lines` that are missing."""
+        missing = []
         for index, line in enumerate(fresh, start=len(self.lines)):
             request = _request(self.job, line, index, lowest)
             if not is_traced(self.job, request):
                 missing.append(Part(request.group, {"line": astuple(line), "lowest": lowest}))
-        return fresh, missing
+        return missing
 
     def compute(self, part: Part, job: Job) -> None:
-        """Trace one line, or one curve in one direction."""
+        """Trace one line, or one curve in one direction; compute a line of the survey, or a certificate."""
+        if part.group.startswith(CERTIFICATES):
+            self._certify(part, job)
+            return
+        if part.group.startswith((SURVEY, f"{AHEAD}/{SURVEY}")):
+            self.survey.compute(part, job)
+            return
         if "line" not in part.arguments:
             compute_curve(job, part)
             return
         line, index = Line(*part.arguments["line"]), int(part.group.removeprefix(LINES))
         trace_branch(job, _request(job, line, index, part.arguments["lowest"]))
+
+    def _certify(self, part: Part, job: Job) -> None:
+        lines = [Line(*line) for line in part.arguments["lines"]]
+        request = Request(
+            part.arguments["lowest"],
+            tuple(kind.name.lower() for kind in _kinds(job.case)),
+            job.case.bifurcation_set.boundaries,
+            [Asked(line.parameter, line.fixed) for line in lines],
+        )
+        with suppress(StopRequested):
+            certify(job, part.group, request, part.arguments["before"])
 
     def is_needed(self, part: Part) -> bool:
         """Whether a curve that is traced ahead still may be needed."""
@@ -156,8 +228,8 @@ class SearchPlan(Plan):
             )  # fmt: skip
         if not job.should_stop():
             discard_all(job)
-            _write(job, self.lines, self.lowest, self.complete)
-        return _result(job, self.lines, self.complete)
+            _write(self, self.lowest)
+        return _result(self)
 
     def _missing_curves(self) -> Generator[Part, None, bool]:
         """The curves from all `lines` that are missing; returns whether there are any."""
@@ -304,9 +376,9 @@ def _new_curves(job: Job, index: int) -> int:
     return found
 
 
-def _write(job: Job, lines: list[Line], lowest: float, complete: bool) -> None:
+def _write(plan: SearchPlan, lowest: float) -> None:
     """Write the group that records how the plane was searched."""
-    case, spec = job.case, KINDS[GROUP]
+    job, lines, case, spec = plan.job, plan.lines, plan.job.case, KINDS[GROUP]
     branches = [
         job.read(f"{LINES}{index:03d}", (line.parameter, "event_kind")) for index, line in enumerate(lines)
     ]
@@ -334,13 +406,15 @@ def _write(job: Job, lines: list[Line], lowest: float, complete: bool) -> None:
         "parameters": list(case.track_curves.parameters),
         "ranges": [list(interval) for interval in case.track_curves.ranges],
         "rounds": lines[-1].round + 1,
-        "covered": covered(lines, complete),
+        "covered": _sentence(plan),
         "kinds": [kind.name.lower() for kind in _kinds(case)],
         "boundaries": case.bifurcation_set.boundaries,
-        "complete": complete,
+        "complete": plan.complete,
         "passive_instability_speed": None if passive is None else passive.speed,
         "lowest_speed": lowest,
     }
+    if plan.certificate is not None:
+        attributes["certificate"] = plan.certificate
     write_group(job.store, job.path(GROUP), GROUP, arrays, attributes)
 
 
@@ -353,29 +427,41 @@ def _at_rest(case: Case) -> np.ndarray:
 
 def covered(lines: list[Line], complete: bool) -> str:
     """A sentence that says how the plane was searched."""
-    along_speed = sum(line.parameter == SPEED for line in lines)
-    rounds = lines[-1].round + 1
     last = sum(line.round == lines[-1].round for line in lines)
     met = (
         f"the last {last} of them met no new curve"
         if complete
         else "the last round still met new curves: raise bifurcation_set.max_rounds"
     )
+    return f"{_rounds_in_words(lines)}; {met}"
+
+
+def _rounds_in_words(lines: list[Line]) -> str:
+    along_speed = sum(line.parameter == SPEED for line in lines)
     return (
         f"{along_speed} branches along the speed and {len(lines) - along_speed} along the excitation "
-        f"frequency in {rounds} rounds; {met}"
+        f"frequency in {lines[-1].round + 1} rounds"
     )
 
 
-def _result(job: Job, lines: list[Line], complete: bool) -> StageResult:
+def _sentence(plan: SearchPlan) -> str:
+    """How the plane was searched, and what the certificate says."""
+    if plan.certificate is None:
+        return covered(plan.lines, plan.complete)
+    told = Summary.of(plan.job.read(plan.certificate)).sentence()
+    return f"{_rounds_in_words(plan.lines)}; {told}"
+
+
+def _result(plan: SearchPlan) -> StageResult:
     """The result of the search: a success if every curve is complete."""
+    job, lines = plan.job, plan.lines
     results = {CONTAINERS[kind]: curves_result(job, kind) for kind in _kinds(job.case)}
     summary: dict[str, Any] = {"lines": len(lines)}
     summary |= {f"{name} curves": result.summary["curves"] for name, result in results.items()}
     advice = [result.advice for result in results.values() if not result.ok]
     if not lines or job.should_stop():
         return StageResult(job.case_id, True, "stopped on request", "", summary)
-    sentence = covered(lines, complete)
+    sentence = _sentence(plan)
     ok = all(result.ok for result in results.values())
     doubt = step_errors.caution(step_errors.count_in(job.store, map(job.path, job.groups(*results))))
     sentences = "; ".join(filter(None, advice))

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from pipelines.case.arrays import Array
 from pipelines.datasets.curves import BifurcationCurve
 
-CRITICAL_MULTIPLIERS = {"period_doubling": 1, "neimark_sacker": 2, "fold": 1}
 NO_BIFURCATION = "none"
 UNSET = "unset"
 GRID = 201  # values of the other parameter at which the boundary is sought, beside those where it turns
@@ -151,7 +150,7 @@ class SpeedPlane:
     def _carried(self, count: int, crossings: Sequence[Crossing]) -> int | None:
         """Unstable multipliers after a sequence of crossings; None if the numbers do not match."""
         for crossing in crossings:
-            critical = CRITICAL_MULTIPLIERS[self.curves[crossing.curve].bifurcation]
+            critical = self.curves[crossing.curve].critical_multipliers
             within = crossing.unstable
             if within < 0 or count not in (within, within + critical):
                 return None

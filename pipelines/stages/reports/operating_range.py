@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pipelines.case.arrays import Array
 from pipelines.datasets.branch import write_group
-from pipelines.datasets.curves import CURVE_CONTAINERS, BifurcationCurve, read_curve
+from pipelines.datasets.curves import CURVE_CONTAINERS, curves_of_plane
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
@@ -204,7 +204,7 @@ def stored_plane(store: Store, case: str) -> StoredPlane:
     ]
     parameters, ranges = _plane(searched, read)
     speed_axis = parameters.index(SPEED)
-    curves = _curves(read, parameters)
+    curves = curves_of_plane(read, parameters)
     low, high = ranges[speed_axis]
     plane = SpeedPlane(
         curves,
@@ -226,16 +226,6 @@ def _plane(
             ranges = [(float(low), float(high)) for low, high in attributes["ranges"]]
             return list(attributes["parameters"]), ranges
     raise NoSetError("no bifurcation set over the rotating speed")
-
-
-def _curves(read: Sequence[Group], parameters: Sequence[str]) -> tuple[BifurcationCurve, ...]:
-    """The curves of the plane for cycles of the excitation period."""
-    curves = [
-        read_curve(local_name(group.name), group.labelled(), group.attributes)
-        for group in read
-        if list(group.attributes["parameters"]) == list(parameters)
-    ]
-    return tuple(curve for curve in curves if curve is not None and curve.turns == 1)
 
 
 def _samples(store: Store, groups: dict[str, str], abscissa: str) -> tuple[Array, NDArray[np.int64]]:
