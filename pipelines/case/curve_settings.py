@@ -143,8 +143,8 @@ class BifurcationSet(Table):
         because="a tongue narrower than a step can be missed; arclength is dimensionless",
     )
     certify: bool = table(
-        "whether to compare the curves with a survey ([survey]) and 100 random points of the plane, and to add "
-        "branches through the places that disagree; the search is then complete when none is left",
+        "whether to compare the curves with a survey ([survey]) and 100 random points of the plane, and to "
+        "add branches through the places that disagree; the search is then complete when none is left",
         False,
     )
     smallest_film: float = quantity(

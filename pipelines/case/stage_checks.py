@@ -81,6 +81,8 @@ def _set(case: Case) -> Iterator[Inconsistency]:
     """Errors of the curves to search; a machine without any is a result of the search, not an error."""
     if not _is_passive(case):
         yield from _curves(case)
+        if case.bifurcation_set.certify:
+            yield from _survey(case)
 
 
 def _survey(case: Case) -> Iterator[Inconsistency]:

@@ -111,7 +111,7 @@ class BifurcationCurve:
         return min(self.possibly_unstable_at(arclength))
 
     def possibly_unstable_at(self, arclength: float) -> frozenset[int]:
-        """The same number; two numbers between two rows that differ, without a special point to tell where."""
+        """The same number; two where the rows around differ and no special point tells where."""
         return frozenset(int(self.unstable[row]) for row in self._neighbours(arclength))
 
     def criticality_at(self, arclength: float) -> str:

@@ -652,14 +652,18 @@ def _verdict(name: str, dimensions: str, long_name: str) -> ArraySpec:
 def _of_places(prefix: str, dimensions: str, places: str) -> tuple[ArraySpec, ...]:
     """What is found and expected at some places of a certificate."""
     return (
-        _count(f"{prefix}found", dimensions, f"multipliers outside the unit circle at the {places}; -1: open"),
+        _count(
+            f"{prefix}found", dimensions, f"multipliers outside the unit circle at the {places}; -1: open"
+        ),
         _count(
             f"{prefix}expected",
             dimensions,
             "the same as the curves tell it from the places beside; -1 where they do not",
         ),
         _verdict(f"{prefix}verdict", dimensions, f"whether the curves explain what is found at the {places}"),
-        _complex(f"{prefix}nearest", dimensions, "Floquet multiplier with the modulus nearest to 1, as ln|mu|"),
+        _complex(
+            f"{prefix}nearest", dimensions, "Floquet multiplier with the modulus nearest to 1, as ln|mu|"
+        ),
     )
 
 

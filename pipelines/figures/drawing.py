@@ -25,6 +25,7 @@ from pipelines.figures.bifurcation_tree import draw_bifurcation_tree
 from pipelines.figures.bode import draw_bode
 from pipelines.figures.campbell import draw_campbell
 from pipelines.figures.case_tables import RUNS, CaseTables, Notify, kind_of, read_case
+from pipelines.figures.certificate import draw_certificate
 from pipelines.figures.condensation import draw_condensation
 from pipelines.figures.contents import CaseView, FigurePlan, MissingDataError, Table, excitation_periods
 from pipelines.figures.linearization import draw_linearization
@@ -55,6 +56,7 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "tree": "cycles",
         "stability": "curve",
         "survey": "survey",
+        "certificate": "certificate",
         "tori": "tori",
         "section": "tori",
         "envelope": RUNS,
@@ -72,6 +74,7 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
         "bifurcation": ("refinement",),
         "stability": ("criticals", "bifurcation_set", "operating_range", "refinement"),
         "survey": ("curve",),
+        "certificate": ("curve",),
         "tori": ("cycles",),
         "envelope": ("transient", "cycles"),
         **dict.fromkeys(("unbalance", "waterfall", "spectrum", "poincare", "modal-energy"), ("transient",)),
@@ -223,6 +226,7 @@ def _plans(
         *_run_plans(view, held.runs, list(branches.values())),
         *_map_plans(held),
         *_survey_plans(held),
+        *_certificate_plans(held),
         *_torus_plans(view, held.of_kind("tori"), branches),
     ]
     if asked and "tree" in own and branches and not any(plan.kind == "tree" for plan in plans):
@@ -340,6 +344,15 @@ def _survey_plans(case: CaseTables) -> list[FigurePlan]:
     draw = partial(draw_survey, case.view, table, case.curves)
     started = len(table["across"]) > 0
     return [FigurePlan("survey", "survey", draw if started else _nothing_yet(case.view))]
+
+
+def _certificate_plans(case: CaseTables) -> list[FigurePlan]:
+    """The newest certificate; those before it asked for lines that have been added since."""
+    found = case.of_kind("certificate")
+    if not found:
+        return []
+    draw = partial(draw_certificate, case.view, found[max(found)], case.curves)
+    return [FigurePlan("certificate", "certificate", draw)]
 
 
 def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table]) -> list[FigurePlan]:

@@ -17,7 +17,8 @@ class Progress:
     `done` of `total` units are finished; `total` is None when it cannot be known, and an upper bound where a
     branch may end earlier. `message` says in a few words what the numbers cannot, for instance the parameter
     value just reached. ``part`` is the group that is being written where several parts of the stage are
-    computed side by side.
+    computed side by side. ``work`` of the whole stage: what is done, and what is left at least and at
+    most, in any unit.
     """
 
     stage: str
@@ -26,6 +27,7 @@ class Progress:
     total: int | None = None
     message: str = ""
     part: str = ""
+    work: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)

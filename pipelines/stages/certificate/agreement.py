@@ -119,10 +119,7 @@ class Judge:
 
     def legs(self, begin: tuple[float, float], end: tuple[float, float]) -> list[Leg]:
         """A path between two places (along, across): first along, then across."""
-        return [
-            Leg(1 - self.axis, begin[1], begin[0], end[0]),
-            Leg(self.axis, end[0], begin[1], end[1]),
-        ]
+        return [Leg(1 - self.axis, begin[1], begin[0], end[0]), Leg(self.axis, end[0], begin[1], end[1])]
 
 
 def judge_grid(judge: Judge, grid: Places) -> GridVerdicts:
@@ -145,9 +142,9 @@ def _both_ways(judge: Judge, grid: Places, here: Index, there: Index) -> tuple[i
     """The verdict on a pair of cells, and what each lets expect at the other."""
     ends = [(float(grid.along[cell]), float(grid.across[line])) for line, cell in (here, there)]
     nearest = [complex(grid.nearest[each]) for each in (here, there)]
-    counts = [int(grid.found[each]) for each in (here, there)]
-    verdict, forwards = judge.verdict(*counts, nearest, judge.legs(ends[0], ends[1]))
-    _, backwards = judge.verdict(*counts[::-1], nearest, judge.legs(ends[1], ends[0]))
+    first, second = int(grid.found[here]), int(grid.found[there])
+    verdict, forwards = judge.verdict(first, second, nearest, judge.legs(ends[0], ends[1]))
+    _, backwards = judge.verdict(second, first, nearest, judge.legs(ends[1], ends[0]))
     return verdict, forwards, backwards
 
 

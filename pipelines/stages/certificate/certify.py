@@ -64,7 +64,6 @@ class Request:
     boundaries: bool = False
     known: Sequence[Asked] = ()
 
-
     @classmethod
     def of_search(cls, attributes: Mapping[str, Any]) -> Request:
         """What the attributes of a group ``bifurcation_set`` say of the curves of a case."""
@@ -73,6 +72,11 @@ class Request:
             tuple(attributes.get("kinds", _EVERY)),
             bool(attributes.get("boundaries", False)),
         )
+
+    def is_of(self, certificate: Mapping[str, Any]) -> bool:
+        """Whether a certificate with these attributes is about the same."""
+        asked = self.lowest_speed, list(self.kinds), self.boundaries
+        return asked == tuple(certificate[name] for name in ("lowest_speed", "kinds", "boundaries"))
 
 
 def stored_curves(job: Job) -> tuple[BifurcationCurve, ...]:

@@ -23,7 +23,7 @@ Counts = frozenset[int]
 
 @dataclass(frozen=True)
 class Leg:
-    """A straight path along parameter ``1 - axis`` from ``start`` to ``stop``; parameter ``axis`` is fixed."""
+    """A straight path along parameter ``1 - axis`` from ``start`` to ``stop``; ``axis`` is fixed."""
 
     axis: int
     value: float

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -52,9 +52,10 @@ class Tally:
 
 @dataclass(frozen=True)
 class Summary:
-    """A certificate: ``resolution`` is the size of a cell, ``share_at_most`` that of the plane that disagrees.
+    """A certificate in numbers.
 
-    The share holds with a confidence of 95 %.
+    ``resolution``: size of a cell in both parameters; ``share_at_most`` of the plane disagrees, with a
+    confidence of 95 %.
     """
 
     certified: bool
@@ -70,31 +71,36 @@ class Summary:
     def of(cls, certificate: Group) -> Summary:
         """The summary of a group of kind ``certificate``."""
         attributes = certificate.attributes
-        tallies = [
-            Tally(*(attributes[f"{what}_{verdict}"] for verdict in ("agreeing", "disagreeing", "not_decided")))
-            for what in ("cells", "pairs", "points")
-        ]
         names, sizes = attributes["parameters"], attributes["resolution"]
+        cells, pairs, points = (_tally(attributes, what) for what in ("cells", "pairs", "points"))
         return cls(
             bool(attributes["certified"]),
             (str(names[0]), str(names[1])),
             (float(sizes[0]), float(sizes[1])),
-            *tallies,
+            cells,
+            pairs,
+            points,
             float(attributes["share_at_most"]),
             tuple(_disagreements(certificate)),
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """The summary as plain data."""
-        return asdict(self) | {name: getattr(self, name).as_dict() for name in ("cells", "pairs", "points")}
+        """The summary as plain data; places have their parameters by name."""
+        tallies = {name: getattr(self, name).as_dict() for name in ("cells", "pairs", "points")}
+        places = [
+            dict(zip(self.parameters, (each.along, each.across), strict=True))
+            | {"found": each.found, "expected": each.expected, "kind": each.kind, "random": each.random}
+            for each in self.disagreements
+        ]
+        return asdict(self) | tallies | {"disagreements": places}
 
     def sentence(self) -> str:
         """The summary in a line."""
         steps = " x ".join(f"{size:.3g}" for size in self.resolution)
         if self.certified:
             return (
-                f"certified on cells of {steps}: the curves explain the stability of all {self.cells.agreeing} "
-                f"cells and {self.points.agreeing} random points that are decided "
+                f"certified on cells of {steps}: the curves explain the stability of all "
+                f"{self.cells.agreeing} cells and {self.points.agreeing} random points that are decided "
                 f"({self.cells.not_decided + self.points.not_decided} are not)"
             )
         if not self.pairs.agreeing and not self.disagreements:
@@ -108,12 +114,21 @@ class Summary:
         )
 
 
+def _tally(attributes: Mapping[str, Any], what: str) -> Tally:
+    agreeing, disagreeing, not_decided = (
+        int(attributes[f"{what}_{verdict}"]) for verdict in ("agreeing", "disagreeing", "not_decided")
+    )
+    return Tally(agreeing, disagreeing, not_decided)
+
+
 def _disagreements(certificate: Group) -> Iterator[Disagreement]:
     """The cells that disagree, line by line, and then the random points."""
     grid = np.meshgrid(certificate["along"], certificate["across"])
     points = certificate["point_along"], certificate["point_across"]
     for prefix, (along, across) in (("", grid), ("point_", points)):
-        found, expected, nearest = (certificate[f"{prefix}{name}"] for name in ("found", "expected", "nearest"))
+        found, expected, nearest = (
+            certificate[f"{prefix}{name}"] for name in ("found", "expected", "nearest")
+        )
         for place in zip(*np.nonzero(certificate.labels(f"{prefix}verdict") == "disagrees"), strict=True):
             yield Disagreement(
                 float(along[place]),

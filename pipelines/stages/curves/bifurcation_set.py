@@ -11,60 +11,52 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import suppress
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from pipelines.bifurcations.branch import BranchStop
 from pipelines.bifurcations.detection import EventKind
-from pipelines.case.models import Case, ContinueCycles
+from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.schema import KINDS
 from pipelines.machine import film
 from pipelines.machine.assembly import parameter_vector
-from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest, machine_equilibrium
-from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.stages import step_errors
 from pipelines.stages.certificate.asked import Asked
 from pipelines.stages.certificate.certify import CONTAINER as CERTIFICATES
 from pipelines.stages.certificate.certify import Request, certify, stored_lines
 from pipelines.stages.certificate.summary import Summary
+from pipelines.stages.curves.lines import (
+    FREQUENCY,
+    LINES,
+    SPEED,
+    Line,
+    line_request,
+    lines_of_round,
+    lowest_speed,
+    plane_range,
+)
+from pipelines.stages.curves.outlook import outlook
 from pipelines.stages.curves.parts import compute_curve, curve_is_needed, curve_parts
 from pipelines.stages.curves.rows import CONTAINERS
 from pipelines.stages.curves.starts import StartQueue
 from pipelines.stages.curves.track_curves import curves_result
-from pipelines.stages.cycles.branch import BranchRequest, is_traced, trace_branch
+from pipelines.stages.cycles.branch import is_traced, trace_branch
 from pipelines.stages.cycles.start import first_hopf
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.parts import AHEAD, Part, Plan, compute_alone, discard_all, has_group
-from pipelines.stages.results import Report, ShouldStop, StageResult, StopRequested
+from pipelines.stages.pass_counts import PASSES_PER_CYCLE, passes_per_curve_point
+from pipelines.stages.results import Progress, Report, ShouldStop, StageResult, StopRequested
 from pipelines.stages.survey.onsets import GROUP as SURVEY
 from pipelines.stages.survey.survey import SurveyPlan
 
-Interval = tuple[float, float]
-
 GROUP = "bifurcation_set"
-LINES = "cycles/s"  # beginning of the names of their groups
-SPEED: Literal["speed"] = "speed"
-FREQUENCY: Literal["excitation_frequency"] = "excitation_frequency"
-LARGEST_ORDER = 2  # largest n of the principal resonances 2 Omega_j / n at which the first round has lines
-APART = 0.02  # of the plane's width: a resonance nearer than this to another line gets no line
-LINE_POINTS = 2000
-SPEEDS_TRIED = 49  # for the lowest speed with a film
-
-
-@dataclass(frozen=True)
-class Line:
-    """A branch along ``parameter`` with the other parameter ``fixed``, made in a ``round`` of the search."""
-
-    parameter: Literal["speed", "excitation_frequency"]
-    fixed: float
-    round: int
 
 
 def bifurcation_set(
@@ -167,7 +159,7 @@ class SearchPlan(Plan):
             self.certificate = group
             asked = self.job.read(group, ("asked_parameter", "asked_fixed"))
             self.complete = bool(asked.attributes["certified"])
-            fresh = [Line(*line, self.lines[-1].round + 1) for line in stored_lines(asked)]
+            fresh = [self._asked_line(line) for line in stored_lines(asked)]
             if not fresh or number == self.job.case.bifurcation_set.max_rounds:
                 return
             if missing := self._missing_lines(fresh, lowest):
@@ -177,17 +169,23 @@ class SearchPlan(Plan):
             if (yield from self._missing_curves()):
                 return
 
+    def _asked_line(self, asked: Asked) -> Line:
+        """A line that a certificate asks for, in the round after the last one."""
+        parameter = SPEED if asked.parameter == SPEED else FREQUENCY
+        return Line(parameter, asked.fixed, self.lines[-1].round + 1)
+
     def _missing_lines(self, fresh: list[Line], lowest: float) -> list[Part]:
         """Parts for those of some lines after `lines` that are missing."""
         missing = []
         for index, line in enumerate(fresh, start=len(self.lines)):
-            request = _request(self.job, line, index, lowest)
+            request = line_request(self.job, line, index, lowest)
             if not is_traced(self.job, request):
                 missing.append(Part(request.group, {"line": astuple(line), "lowest": lowest}))
         return missing
 
     def compute(self, part: Part, job: Job) -> None:
         """Trace one line, or one curve in one direction; compute a line of the survey, or a certificate."""
+        job = self._telling(job, part)
         if part.group.startswith(CERTIFICATES):
             self._certify(part, job)
             return
@@ -198,7 +196,22 @@ class SearchPlan(Plan):
             compute_curve(job, part)
             return
         line, index = Line(*part.arguments["line"]), int(part.group.removeprefix(LINES))
-        trace_branch(job, _request(job, line, index, part.arguments["lowest"]))
+        trace_branch(job, line_request(job, line, index, part.arguments["lowest"]))
+
+    def _telling(self, job: Job, part: Part) -> Job:
+        """The job of a part whose reports say how much of the whole search is left."""
+        names = self.job.groups("cycles", "criticals", SURVEY, *CONTAINERS.values())
+        groups = {name: self.job.read(name, ()).attributes for name in names}
+        ahead, before = outlook(job.case, groups), int(groups.get(part.group, {}).get("n_points", 0))
+        each = passes_per_curve_point(job.case) if "half" in part.arguments else float(PASSES_PER_CYCLE)
+
+        def report(progress: Progress) -> None:
+            now = ahead
+            if part.group.split("/")[0] not in (SURVEY, AHEAD, CERTIFICATES):
+                now = ahead.after(each * max(0, progress.done - before))
+            job.report(replace(progress, work=(now.done, now.least, now.most)))
+
+        return replace(job, report=report)
 
     def _certify(self, part: Part, job: Job) -> None:
         lines = [Line(*line) for line in part.arguments["lines"]]
@@ -265,106 +278,6 @@ def _kinds(case: Case) -> tuple[EventKind, ...]:
     return tuple(kind for kind in every if kind.name.lower() in case.bifurcation_set.kinds)
 
 
-def _range(case: Case, parameter: str) -> Interval:
-    table = case.track_curves
-    return table.ranges[table.parameters.index(parameter)]
-
-
-def lowest_speed(job: Job) -> float | None:
-    """The lowest speed of the plane at which the film of the equilibrium is thick enough.
-
-    The rings are at their mean displacement.  None if no speed has a film of
-    ``bifurcation_set.smallest_film``.  The speed is found to a thousandth of the range.
-    """
-    low, high = _range(job.case, SPEED)
-
-    def has_film(speed: float) -> bool:
-        parameters = at_speed(parameter_vector(job.case), speed)
-        found = machine_equilibrium(job.machine, parameters)
-        if not found.converged:
-            return False
-        films = job.machine.minimum_film(MEAN_PHASE, found.state, at_rest(parameters))
-        return float(np.min(films)) >= job.case.bifurcation_set.smallest_film
-
-    speeds = [float(speed) for speed in np.linspace(low, high, SPEEDS_TRIED)]
-    first = next((index for index, speed in enumerate(speeds) if has_film(speed)), None)
-    if first is None or first == 0:
-        return None if first is None else low
-    below, above = speeds[first - 1], speeds[first]
-    while above - below > 1e-3 * (high - low):
-        middle = 0.5 * (below + above)
-        below, above = (below, middle) if has_film(middle) else (middle, above)
-    return above
-
-
-def lines_of_round(job: Job, number: int, lowest: float) -> list[Line]:
-    """The lines of a round: between those of earlier rounds; in the first round also at resonances.
-
-    The resonances are the predicted ones of the group ``criticals``.
-    """
-    case, search = job.case, job.case.bifurcation_set
-    frequencies = _spread(search.frequencies, _range(case, FREQUENCY), number)
-    if number == 0 and search.resonances:
-        frequencies += _resonant_frequencies(job, frequencies)
-    speeds = _spread(search.speeds, (lowest, _range(case, SPEED)[1]), number)
-    return [Line(FREQUENCY, value, number) for value in speeds] + [
-        Line(SPEED, value, number) for value in frequencies
-    ]
-
-
-def _spread(count: int, interval: Interval, number: int) -> list[float]:
-    """One value in each of ``count`` equal cells: the middle in round 0, other places in later rounds."""
-    low, high = interval
-    # van der Corput sequence: 1/2, 0, 1/4, 3/4, 1/8, ...
-    index = {0: 1, 1: 0}.get(number, number)
-    offset = sum(int(digit) / 2.0 ** (place + 1) for place, digit in enumerate(reversed(f"{index:b}")))
-    return [low + (high - low) * (cell + offset) / count for cell in range(count)]
-
-
-def _resonant_frequencies(job: Job, taken: list[float]) -> list[float]:
-    """Predicted principal resonances inside the plane that are not beside another line."""
-    low, high = _range(job.case, FREQUENCY)
-    if not job.groups("criticals"):
-        return []
-    names = ("resonance_frequency", "resonance_order", "resonance_kind")
-    arrays = job.read("criticals", names).arrays
-    principal = KINDS["criticals"].array("resonance_kind").flag("principal")
-    wanted = (arrays["resonance_kind"] == principal) & (arrays["resonance_order"] <= LARGEST_ORDER)
-    found: list[float] = []
-    for value in np.sort(arrays["resonance_frequency"][wanted]):
-        beside = min((abs(value - other) for other in taken + found), default=np.inf)
-        if low <= value <= high and beside > APART * (high - low):
-            found.append(float(value))
-    return found
-
-
-def _request(job: Job, line: Line, index: int, lowest: float) -> BranchRequest:
-    """The branch of a line, downwards from the upper end, where films are thick and periods short."""
-    case = job.case
-    low, high = _range(case, line.parameter)
-    low = max(low, lowest) if line.parameter == SPEED else low
-    step = case.bifurcation_set.maximum_step
-    table = ContinueCycles(
-        parameter=line.parameter,
-        range=(low, high),
-        start=high,
-        formulation=case.continue_cycles.formulation,
-        step=min(case.continue_cycles.step, step),
-        minimum_step=case.continue_cycles.minimum_step,
-        maximum_step=step,
-        max_points=LINE_POINTS,
-        minimum_film=case.continue_cycles.minimum_film,
-        direction="down",
-    )
-    other = FREQUENCY if line.parameter == SPEED else SPEED
-    return BranchRequest(
-        f"{LINES}{index:03d}",
-        case.model_copy(update={"continue_cycles": table}),
-        direction=-1,
-        fixed={other: line.fixed},
-    )
-
-
 def _new_curves(job: Job, index: int) -> int:
     """Number of curves that start from bifurcations on a line."""
     group = f"{LINES}{index:03d}"
@@ -401,7 +314,7 @@ def _write(plan: SearchPlan, lowest: float) -> None:
             [int(branch.attributes["stop_reason"] in whole and branch.n_points > 0) for branch in branches]
         ),
     }
-    passive = first_hopf(job.machine, _at_rest(case), *_range(case, SPEED))
+    passive = first_hopf(job.machine, _at_rest(case), *plane_range(case, SPEED))
     attributes = {
         "parameters": list(case.track_curves.parameters),
         "ranges": [list(interval) for interval in case.track_curves.ranges],

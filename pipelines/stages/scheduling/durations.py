@@ -1,8 +1,8 @@
 """Estimate the duration of a case: a few pieces of its work, timed on its own machine and grid.
 
-What a piece takes is measured; how many of them a point takes is not known before: each ``PASSES_PER_...`` is
-what was counted on finished branches.  An estimate is good to a factor of two or three; that branches end
-before `max_points` makes it too long rather than too short.
+What a piece takes is measured; how many of them a point takes is not known before: each ``PASSES_PER_...``,
+here and in `pipelines.stages.pass_counts`, is what was counted on finished branches.  An estimate is good to
+a factor of two or three; that branches end before `max_points` makes it too long rather than too short.
 """
 
 from __future__ import annotations
@@ -28,14 +28,11 @@ from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.orbits.time_steps import MOST_STEPS, first_steps, required_steps_at, steps_stable_at
 from pipelines.stages.cycles.problem import INITIAL_COLUMNS, cycle_problem
 from pipelines.stages.linear.linearize import reference_parameters
+from pipelines.stages.pass_counts import PASSES_PER_CELL, PASSES_PER_CYCLE, passes_per_curve_point
 from pipelines.stages.refinement.levels import case_on, grid_family
 
-PASSES_PER_CYCLE = 12  # corrections, tangents and multipliers, and locating what lies between two points
-PASSES_PER_CURVE_POINT = 100  # normal forms on two smoothed machines included
 PASSES_PER_LEVEL = 30  # of a refined bifurcation, on one of its grids
 PASSES_PER_ANGLE = 15  # of a torus, its corrections and its stability
-PASSES_PER_CELL = 1.5  # of a survey: half of them with the few time steps that it needs
-_NORMAL_FORMS = 3.0  # times as long as a point of a curve without
 _MEASURED_STEPS = 256  # of an explicit stepper at most
 _TRIALS = 3  # the first may load kernels, and others share the machine
 
@@ -57,6 +54,10 @@ class Durations:
         """One speed of `agfb criticals`, its part of the unbalance response included."""
         return self._once(case, _campbell_speed)
 
+    def of_pass(self, case: Case) -> float | None:
+        """A pass over the period with all tangents."""
+        return self._once(case, _pass)
+
     def of_cycle(self, case: Case) -> float | None:
         """One point of a branch of cycles."""
         once = self._once(case, _pass)
@@ -65,8 +66,7 @@ class Durations:
     def of_curve_point(self, case: Case) -> float | None:
         """One point of a curve of bifurcations."""
         once = self._once(case, _pass)
-        share = 1.0 if case.track_curves.normal_forms else 1.0 / _NORMAL_FORMS
-        return None if once is None else share * PASSES_PER_CURVE_POINT * once
+        return None if once is None else passes_per_curve_point(case) * once
 
     def of_survey_line(self, case: Case) -> float | None:
         """One line of a survey."""

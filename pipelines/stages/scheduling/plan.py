@@ -22,6 +22,7 @@ from pipelines.datasets.records import COMPLETE
 from pipelines.datasets.store import Store, local_name, open_for_reading
 from pipelines.stages.calibration import calibrate
 from pipelines.stages.curves import bifurcation_set, track_curves
+from pipelines.stages.curves.outlook import outlook
 from pipelines.stages.cycles import continue_cycles
 from pipelines.stages.cycles.branch import NOT_ASKED, WANTING_POINTS
 from pipelines.stages.ending import stop_reasons
@@ -36,6 +37,7 @@ from pipelines.stages.transients.run import request_of
 
 Attributes = Mapping[str, Any]
 
+SEARCH = "bifurcation_set"
 CYCLES_PER_ONSET = 2.5  # points of a branch, for the five cycles found alone that bracket an onset
 
 
@@ -54,7 +56,8 @@ class Planned:
     """A stage of a case and what is left of it.
 
     ``there`` are ``points`` of at most ``most`` (None: not known before), the others take about
-    ``seconds`` at most (None: not known); ``note`` says what decides what is not known.
+    ``seconds`` at most (None: not known), and at least ``least_seconds`` where that is known; ``note`` says
+    what decides what is not known.
     """
 
     case_id: str
@@ -64,6 +67,7 @@ class Planned:
     most: int | None = None
     seconds: float | None = None
     note: str = ""
+    least_seconds: float | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The plan as plain data."""
@@ -82,7 +86,8 @@ def plan(stages: Sequence[str], cases: Sequence[NamedCase], store_path: Path | N
             if stage == "transient":
                 yield _run_in_time(named, store, store_path)
             else:
-                yield _with_time(_found(stage, named, store), named.case, durations)
+                found = _with_time(_found(stage, named, store), named.case, durations)
+                yield _searching(found, named, store, durations) if stage == SEARCH else found
 
 
 @dataclass(frozen=True)
@@ -185,7 +190,8 @@ def _search_state(here: _Here, curves: StageStatus) -> StageStatus:
         bool(search.get("boundaries", False)) > table.boundaries
         or not set(table.kinds) <= set(search.get("kinds", table.kinds))
     )
-    if more:
+    uncertified = table.certify and search is not None and "certificate" not in search
+    if more or uncertified:
         return StageStatus.PARTIAL
     if search is not None and (search["complete"] or search["rounds"] >= table.max_rounds):
         return StageStatus.PARTIAL if curves is StageStatus.PARTIAL else StageStatus.COMPLETE
@@ -354,6 +360,18 @@ def _with_time(found: Planned, case: Case, durations: Durations) -> Planned:
     if found.most is None:
         return replace(found, note=f"{found.note}; a point takes about {each:.2g} s")
     return replace(found, seconds=max(0, found.most - found.points) * each, note=extent.without(case))
+
+
+def _searching(found: Planned, named: NamedCase, store: Store | None, durations: Durations) -> Planned:
+    """A search that has not ended, with the range of its time."""
+    once = None if found.seconds == 0.0 else durations.of_pass(named.case)
+    if once is None:
+        return found
+    ahead = outlook(named.case, _groups(store, named.case_id))
+    note = (
+        f"{ahead.lines[0]} to {ahead.lines[1]} lines; the number of curves is a guess until they are traced"
+    )
+    return replace(found, seconds=ahead.most * once, least_seconds=ahead.least * once, note=note)
 
 
 def _run_in_time(named: NamedCase, store: Store | None, store_path: Path | None) -> Planned:
