@@ -7,6 +7,7 @@
 - bifurcation_diagram, bifurcation_tree, multipliers, orbits, refinement: branches of cycles
 - stability_map, map_sets, resonance_lines: bifurcation sets in the plane
 - survey: growth rates over the plane, cell by cell
+- certificate: where the curves do not explain the stability
 - response_envelope, run_motion, tori: transients and tori
 - sensitivity: results over the keys in which the cases differ
 """

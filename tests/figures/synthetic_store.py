@@ -13,7 +13,7 @@ from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, create_store
 from tests.figures.synthetic_runs import write_runs
 from tests.helpers.curves import Path2, curve_rows, oval, write_curve, write_set
-from tests.helpers.surveys import write_survey
+from tests.helpers.surveys import write_certificate, write_survey
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -320,6 +320,8 @@ def make_store(path: Path, points: int = 40, *, parts: tuple[str, ...] = PARTS, 
         write_set(store, "kb10")
     if "survey" in parts:
         write_survey(store, "kb10")
+    if "certificate" in parts:
+        write_certificate(store, "kb10")
     if "runs" in parts:
         write_runs(store, "kb10")
     return store

@@ -39,9 +39,12 @@ def test_nothing_is_there(tmp_path: Path) -> None:
     assert [each.points for each in found.values()] == [0] * 4
     assert [each.most for each in found.values()] == [7, 6, 20, None]
     times = [each.seconds for each in found.values()]
-    assert all(seconds > 0.0 for seconds in times[:3])
-    assert times[3] is None
-    assert "meets no new curve; a point takes about" in found["bifurcation_set"].note
+    assert all(seconds > 0.0 for seconds in times)
+    assert [each.least_seconds for each in found.values()][:3] == [None] * 3
+    least = found["bifurcation_set"].least_seconds
+    assert least is not None
+    assert 0.0 < least < times[3]
+    assert "20 to 52 lines" in found["bifurcation_set"].note
     assert list(tmp_path.iterdir()) == []
 
 

@@ -151,22 +151,21 @@ def _both_ways(judge: Judge, grid: Places, here: Index, there: Index) -> tuple[i
 def _cells(grid: Places, votes: dict[Index, list[tuple[int, Index, Counts]]]) -> Verdicts:
     """Which cell of a disagreeing pair is at odds with its surroundings, and what these expect of it.
 
-    The one that disagrees with the larger share of its neighbours; of two alike the less stable one, which is
-    the inside of a tongue.
+    The less stable one, the inside of a tongue; but before it one that disagrees with all of its neighbours.
     """
     expected, verdict = np.full(grid.found.shape, UNKNOWN), np.full(grid.found.shape, NOT_DECIDED)
-    share = np.zeros(grid.found.shape)
+    alone = np.zeros(grid.found.shape, dtype=bool)
     for cell, cast in votes.items():
         decided = [vote for vote, _, _ in cast if vote != NOT_DECIDED]
         if decided:
             verdict[cell], expected[cell] = AGREES, grid.found[cell]
-            share[cell] = decided.count(DISAGREES) / len(decided)
+            alone[cell] = AGREES not in decided
     for cell, cast in votes.items():
         against = [
             counts
             for vote, other, counts in cast
             if vote == DISAGREES
-            and (share[cell], grid.found[cell], cell) > (share[other], grid.found[other], other)
+            and (alone[cell], grid.found[cell], cell) > (alone[other], grid.found[other], other)
         ]
         if against:
             verdict[cell], expected[cell] = DISAGREES, _most_told(against)

@@ -1,8 +1,8 @@
 """`agfb verify --plane`: do the stored curves explain the stability everywhere in their plane?
 
 Each case is compared with its survey, which is computed if the store has none, and with cycles at random
-points (`pipelines.stages.certificate`). The certificate is the group ``certificate/verified``, unless the search has
-left one of the same curves.
+points (`pipelines.stages.certificate`). The certificate is the group ``certificate/verified``, unless the
+search has left one of the same curves.
 """
 
 from __future__ import annotations
