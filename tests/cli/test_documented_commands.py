@@ -5,6 +5,7 @@ with it. The liberties that are taken:
 
 - commands of agfb run in this process, and those that compute on tiny settings;
 - `agfb run` draws nothing, and processes side by side become one;
+- `agfb verify --plane` may find that what so small a search has found is not complete;
 - an address of a Dask scheduler must be one that agfb accepts, and the run stays in this process;
 - /shared/results, on the cluster's file system, is the folder build.
 
@@ -58,6 +59,7 @@ SMOKE = (
     "continue_cycles.range=[1.16, 1.2]",  # a Neimark-Sacker point lies inside
     "continue_cycles.start=1.17",
     "track_curves.ranges=[[0.698, 0.702], [1.17, 1.2]]",
+    "survey.points=[4, 3]",
 )
 YOUR_ROTOR = (
     *SEARCH,
@@ -115,7 +117,8 @@ def follow(words: Sequence[str]) -> None:
 
 def run_agfb(words: list[str]) -> None:
     done = CliRunner().invoke(app, within_a_test(words), prog_name="agfb")
-    assert done.exit_code == ExitCode.DONE, f"agfb {shlex.join(words)}\n{done.output}"
+    expected = {ExitCode.DONE, ExitCode.STORE} if "--plane" in words else {ExitCode.DONE}
+    assert done.exit_code in expected, f"agfb {shlex.join(words)}\n{done.output}"
 
 
 def within_a_test(words: Sequence[str]) -> list[str]:
