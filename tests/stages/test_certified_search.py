@@ -26,6 +26,7 @@ from pipelines.machine.assembly import parameter_vector
 from pipelines.stages.certificate import certify as module
 from pipelines.stages.certificate.crossings import Crossing
 from pipelines.stages.curves import bifurcation_set as search
+from pipelines.stages.curves.lines import Line, line_groups
 from pipelines.stages.curves.outlook import outlook
 from pipelines.stages.job import Job
 from pipelines.stages.reports.operating_range import set_cautions
@@ -96,6 +97,8 @@ def test_a_tongue_that_no_line_meets_is_found(searched: Path) -> None:
     assert found["line_round"].tolist() == [0, 1, *[2] * len(asked)]
     assert found.attributes["complete"] is True
     assert found.attributes["certificate"] == "certificate/r001"
+    assert found.attributes["resolution"] == pytest.approx([0.025, 0.13 / 3.0])
+    assert group(searched, "cycles/sc000").attributes["fixed"] == {"speed": pytest.approx(asked[0])}
     assert "certified on cells of 0.025 x 0.0433" in found.attributes["covered"]
     assert verify_files(searched) == []
 
@@ -106,7 +109,7 @@ def test_an_interrupted_search_resumes_to_the_same_bytes(searched: Path, tmp_pat
         stopped = Watched(SET, tiny_case(*HIDDEN), path, stop_after=stop)
         assert stopped.result.stop_reason == "stopped on request"
     assert Watched(SET, tiny_case(*HIDDEN), path).result.ok
-    assert compare_trees(searched, path) == []
+    assert compare_trees(searched / "cases", path / "cases") == []
     assert Watched(SET, tiny_case(*HIDDEN), path).reported == []
 
 
@@ -137,14 +140,14 @@ def test_a_curve_counts_where_the_cycle_found_has_its_critical_multiplier(search
     job = Job.of("test", named, searched, lambda progress: None, lambda: False)
     problem = survey_problem(job.machine, job.case, parameter_vector(job.case))
     (own, *_) = module.stored_curves(job)
-    other = replace(own, name="pd/other", points=own.points - [0.05, 0.0])
+    other = replace(own, name="pd/other", points=own.points - [0.12, 0.0])
     belongs = module._membership(job, problem, [own, other, replace(own, bifurcation="fold")])
     places = [(curve, 0.5 * float(curve.arclength[-1])) for curve in (own, other)]
     assert [belongs(Crossing(curve, place, 0.0)) for curve, place in places] == [True, False]
 
 
 def test_what_remains_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lines that are not followed, since the rounds are used up, leave the search incomplete."""
+    """Places that disagree and get no line leave the search incomplete."""
     monkeypatch.setattr(search, "stored_lines", lambda certificate: [])
     path = tmp_path / "a.zarr"
     result = Watched(SET, tiny_case(*HIDDEN), path).result
@@ -230,3 +233,9 @@ def test_what_a_search_took_was_foreseen(searched: Path) -> None:
     assert before.done == 0.0
     assert before.least < after.done + before.least * 0.5
     assert after.done < before.most
+
+
+def test_lines_of_certificates_are_numbered_by_themselves() -> None:
+    """More rounds may come later: their lines get the names that they always have."""
+    lines = [Line("speed", 0.5, 0), Line("speed", 0.6, 1, asked=True), Line("speed", 0.7, 2)]
+    assert line_groups(lines) == ["cycles/s000", "cycles/sc000", "cycles/s001"]

@@ -48,7 +48,7 @@ POINTS = 100  # random ones
 SEED = 1
 CONFIDENCE = 0.95  # of the largest share of the plane that may disagree
 _MISSES = 4.0  # times the miss of a cycle: by so much its multipliers may be off
-_SAME = 0.05  # distance of a multiplier from the critical one of a curve, below which it is that one
+_SAME = 0.02  # distance of a multiplier from the critical one of a curve, below which it is that one
 _EVERY = ("period_doubling", "neimark_sacker", "fold")
 
 

@@ -30,13 +30,14 @@ from pipelines.machine.assembly import parameter_vector
 from pipelines.stages import step_errors
 from pipelines.stages.certificate.asked import Asked
 from pipelines.stages.certificate.certify import CONTAINER as CERTIFICATES
-from pipelines.stages.certificate.certify import Request, certify, stored_lines
+from pipelines.stages.certificate.certify import Request, certify, checksum, stored_curves, stored_lines
 from pipelines.stages.certificate.summary import Summary
 from pipelines.stages.curves.lines import (
     FREQUENCY,
     LINES,
     SPEED,
     Line,
+    line_groups,
     line_request,
     lines_of_round,
     lowest_speed,
@@ -148,19 +149,22 @@ class SearchPlan(Plan):
     def _certified(self, lowest: float) -> Generator[Part]:
         """Certificates, and after each the lines that it asks for with their curves, until one asks for none.
 
-        At most ``bifurcation_set.max_rounds`` times.
+        At most ``bifurcation_set.max_rounds`` times.  The last one is about the curves that there are: in a
+        store that was searched on, another one follows.
         """
-        for number in range(self.job.case.bifurcation_set.max_rounds + 1):
-            group, before = (f"{CERTIFICATES}/r{each:03d}" for each in (number, number - 1))
+        rounds = self.job.case.bifurcation_set.max_rounds
+        for number in range(rounds + 1):
+            before, group, behind = (f"{CERTIFICATES}/r{each:03d}" for each in range(number - 1, number + 2))
             if not has_group(self.job, group):
                 arguments = {"lowest": lowest, "lines": [astuple(line) for line in self.lines]}
                 yield Part(group, arguments | {"before": before if number else None})
                 return
             self.certificate = group
             asked = self.job.read(group, ("asked_parameter", "asked_fixed"))
-            self.complete = bool(asked.attributes["certified"])
+            is_newest = asked.attributes["curves_checksum"] == checksum(stored_curves(self.job))
+            self.complete = is_newest and bool(asked.attributes["certified"])
             fresh = [self._asked_line(line) for line in stored_lines(asked)]
-            if not fresh or number == self.job.case.bifurcation_set.max_rounds:
+            if number == rounds or not (fresh or has_group(self.job, behind) or not is_newest):
                 return
             if missing := self._missing_lines(fresh, lowest):
                 yield from missing
@@ -172,13 +176,14 @@ class SearchPlan(Plan):
     def _asked_line(self, asked: Asked) -> Line:
         """A line that a certificate asks for, in the round after the last one."""
         parameter = SPEED if asked.parameter == SPEED else FREQUENCY
-        return Line(parameter, asked.fixed, self.lines[-1].round + 1)
+        return Line(parameter, asked.fixed, self.lines[-1].round + 1, asked=True)
 
     def _missing_lines(self, fresh: list[Line], lowest: float) -> list[Part]:
         """Parts for those of some lines after `lines` that are missing."""
         missing = []
-        for index, line in enumerate(fresh, start=len(self.lines)):
-            request = line_request(self.job, line, index, lowest)
+        names = line_groups([*self.lines, *fresh])[len(self.lines) :]
+        for line, name in zip(fresh, names, strict=True):
+            request = line_request(self.job, line, name, lowest)
             if not is_traced(self.job, request):
                 missing.append(Part(request.group, {"line": astuple(line), "lowest": lowest}))
         return missing
@@ -195,8 +200,8 @@ class SearchPlan(Plan):
         if "line" not in part.arguments:
             compute_curve(job, part)
             return
-        line, index = Line(*part.arguments["line"]), int(part.group.removeprefix(LINES))
-        trace_branch(job, line_request(job, line, index, part.arguments["lowest"]))
+        line = Line(*part.arguments["line"])
+        trace_branch(job, line_request(job, line, part.group, part.arguments["lowest"]))
 
     def _telling(self, job: Job, part: Part) -> Job:
         """The job of a part whose reports say how much of the whole search is left."""
@@ -246,7 +251,7 @@ class SearchPlan(Plan):
 
     def _missing_curves(self) -> Generator[Part, None, bool]:
         """The curves from all `lines` that are missing; returns whether there are any."""
-        lines = {f"{LINES}{index:03d}" for index in range(len(self.lines))}
+        lines = set(line_groups(self.lines))
         self.queue.without = frozenset(
             group for group in self.job.groups("cycles") if group.startswith(LINES) and group not in lines
         )
@@ -259,7 +264,9 @@ class SearchPlan(Plan):
     def _last_round_was_in_vain(self) -> bool:
         last = max((line.round for line in self.lines), default=0)
         return not any(
-            _new_curves(self.job, index) for index, line in enumerate(self.lines) if line.round == last
+            _new_curves(self.job, group)
+            for group, line in zip(line_groups(self.lines), self.lines, strict=True)
+            if line.round == last
         )
 
 
@@ -278,9 +285,8 @@ def _kinds(case: Case) -> tuple[EventKind, ...]:
     return tuple(kind for kind in every if kind.name.lower() in case.bifurcation_set.kinds)
 
 
-def _new_curves(job: Job, index: int) -> int:
+def _new_curves(job: Job, group: str) -> int:
     """Number of curves that start from bifurcations on a line."""
-    group = f"{LINES}{index:03d}"
     found = 0
     for name in job.groups(*CONTAINERS.values()):
         attributes = job.read(name, ()).attributes
@@ -292,8 +298,9 @@ def _new_curves(job: Job, index: int) -> int:
 def _write(plan: SearchPlan, lowest: float) -> None:
     """Write the group that records how the plane was searched."""
     job, lines, case, spec = plan.job, plan.lines, plan.job.case, KINDS[GROUP]
+    groups = line_groups(lines)
     branches = [
-        job.read(f"{LINES}{index:03d}", (line.parameter, "event_kind")) for index, line in enumerate(lines)
+        job.read(group, (line.parameter, "event_kind")) for group, line in zip(groups, lines, strict=True)
     ]
     reached = [
         (float(branch[line.parameter].min()), float(branch[line.parameter].max()))
@@ -309,7 +316,7 @@ def _write(plan: SearchPlan, lowest: float) -> None:
         "line_high": np.array([high for _, high in reached]),
         "line_round": np.array([line.round for line in lines]),
         "line_events": np.array([branch.n_events for branch in branches]),
-        "line_new_curves": np.array([_new_curves(job, index) for index in range(len(lines))]),
+        "line_new_curves": np.array([_new_curves(job, group) for group in groups]),
         "line_complete": np.array(
             [int(branch.attributes["stop_reason"] in whole and branch.n_points > 0) for branch in branches]
         ),
@@ -327,7 +334,8 @@ def _write(plan: SearchPlan, lowest: float) -> None:
         "lowest_speed": lowest,
     }
     if plan.certificate is not None:
-        attributes["certificate"] = plan.certificate
+        resolution = job.read(plan.certificate, ()).attributes["resolution"]
+        attributes |= {"certificate": plan.certificate, "resolution": resolution}
     write_group(job.store, job.path(GROUP), GROUP, arrays, attributes)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,6 +20,7 @@ from pipelines.stages.job import Job
 Interval = tuple[float, float]
 
 LINES = "cycles/s"  # beginning of the names of their groups
+ASKED = "cycles/sc"  # of those that a certificate has asked for: more rounds may still come
 SPEED: Literal["speed"] = "speed"
 FREQUENCY: Literal["excitation_frequency"] = "excitation_frequency"
 LARGEST_ORDER = 2  # largest n of the principal resonances 2 Omega_j / n at which the first round has lines
@@ -28,11 +31,25 @@ SPEEDS_TRIED = 49  # for the lowest speed with a film
 
 @dataclass(frozen=True)
 class Line:
-    """A branch along ``parameter`` with the other parameter ``fixed``, made in a ``round`` of the search."""
+    """A branch along ``parameter`` with the other parameter ``fixed``, made in a ``round`` of the search.
+
+    ``asked``: for by a certificate.
+    """
 
     parameter: Literal["speed", "excitation_frequency"]
     fixed: float
     round: int
+    asked: bool = False
+
+
+def line_groups(lines: Sequence[Line]) -> list[str]:
+    """The groups of lines, given in the order of the search: ``cycles/s000``, ..., ``cycles/sc000``, ..."""
+    counted = Counter[bool]()
+    names = []
+    for line in lines:
+        names.append(f"{ASKED if line.asked else LINES}{counted[line.asked]:03d}")
+        counted[line.asked] += 1
+    return names
 
 
 def plane_range(case: Case, parameter: str) -> Interval:
@@ -109,7 +126,7 @@ def _resonant_frequencies(job: Job, taken: list[float]) -> list[float]:
     return found
 
 
-def line_request(job: Job, line: Line, index: int, lowest: float) -> BranchRequest:
+def line_request(job: Job, line: Line, group: str, lowest: float) -> BranchRequest:
     """The branch of a line, downwards from the upper end, where films are thick and periods short."""
     case = job.case
     low, high = plane_range(case, line.parameter)
@@ -129,8 +146,5 @@ def line_request(job: Job, line: Line, index: int, lowest: float) -> BranchReque
     )
     other = FREQUENCY if line.parameter == SPEED else SPEED
     return BranchRequest(
-        f"{LINES}{index:03d}",
-        case.model_copy(update={"continue_cycles": table}),
-        direction=-1,
-        fixed={other: line.fixed},
+        group, case.model_copy(update={"continue_cycles": table}), direction=-1, fixed={other: line.fixed}
     )

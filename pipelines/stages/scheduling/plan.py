@@ -368,9 +368,9 @@ def _searching(found: Planned, named: NamedCase, store: Store | None, durations:
     if once is None:
         return found
     ahead = outlook(named.case, _groups(store, named.case_id))
-    note = (
-        f"{ahead.lines[0]} to {ahead.lines[1]} lines; the number of curves is a guess until they are traced"
-    )
+    fewest, most = ahead.lines
+    number = f"{most}" if fewest == most else f"{fewest} to {most}"
+    note = f"{number} lines; the number of curves is a guess until they are traced"
     return replace(found, seconds=ahead.most * once, least_seconds=ahead.least * once, note=note)
 
 
