@@ -44,7 +44,7 @@ def test_nothing_is_there(tmp_path: Path) -> None:
     least = found["bifurcation_set"].least_seconds
     assert least is not None
     assert 0.0 < least < times[3]
-    assert "20 to 52 lines" in found["bifurcation_set"].note
+    assert "4 lines" in found["bifurcation_set"].note
     assert list(tmp_path.iterdir()) == []
 
 
