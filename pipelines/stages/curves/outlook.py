@@ -59,9 +59,10 @@ def outlook(case: Case, groups: Mapping[str, Attributes]) -> Outlook:
     curve_points = _left(halves, (max(traced[0], len(halves)), max(traced[1], len(halves))),
                          _points_per_half(case, halves))  # fmt: skip
     per_curve_point = passes_per_curve_point(case)
-    done = PASSES_PER_CYCLE * _points(lines) + per_curve_point * _points(halves)
+    surveyed, surveying = _on_survey(case, groups)
+    done = PASSES_PER_CYCLE * _points(lines) + per_curve_point * _points(halves) + surveyed
     least, most = (
-        PASSES_PER_CYCLE * on_lines + per_curve_point * on_curves + _surveying(case, groups)
+        PASSES_PER_CYCLE * on_lines + per_curve_point * on_curves + surveying
         for on_lines, on_curves in zip(line_points, curve_points, strict=True)
     )
     return Outlook(done, least, most, number)
@@ -126,10 +127,10 @@ def _points(groups: list[Attributes]) -> int:
     return sum(int(each["n_points"]) for each in groups)
 
 
-def _surveying(case: Case, groups: Mapping[str, Attributes]) -> float:
-    """Passes of the missing lines of the survey, if a certificate is asked for."""
+def _on_survey(case: Case, groups: Mapping[str, Attributes]) -> tuple[float, float]:
+    """Passes of the survey that a certificate needs: of the lines that are there, and of those missing."""
     if not case.bifurcation_set.certify:
-        return 0.0
+        return 0.0, 0.0
     along, across = survey_axes(case.survey, case.track_curves)
-    there = int(groups.get("survey", {}).get("n_points", 0))
-    return PASSES_PER_CELL * along.points * (across.points - there)
+    there, each = int(groups.get("survey", {}).get("n_points", 0)), PASSES_PER_CELL * along.points
+    return each * there, each * (across.points - there)
