@@ -14,7 +14,7 @@ from pipelines.case.fields import (
     InconsistentError,
     Number,
     Path,
-    Table,
+    UnitsTable,
     choice,
     given,
     positive_range,
@@ -24,23 +24,26 @@ from pipelines.case.fields import (
 )
 from pipelines.case.fields import quantity as scalar  # a target has a key `quantity`
 from pipelines.case.problems import CaseError
-from pipelines.case.sweeps import Document, MisplacedError, assign
+from pipelines.case.sweeps import Document, MisplacedError, assign, flat
 
 Interval = tuple[Number, Number]
 Rebuild = Callable[[Mapping[str, Any]], object]
 """Validates a case with other values at some dotted keys; raises CaseError or MisplacedError."""
 
 
-class CalibrationParameter(Table):
+class CalibrationParameter(UnitsTable):
     """One unknown of the calibration: a value that one or more keys take."""
 
     keys: tuple[str, ...] = table(
         "configuration keys that take the same value, as in --set; without an index all tables of an array",
+        holds_keys=True,
         min_length=1,
         max_length=50,
         because="a parameter is the value of at least one key",
     )
-    range: Interval = table("lowest and highest value, in the unit of the keys", unit="of the keys")
+    range: Interval = table(
+        "lowest and highest value, in the unit of the keys", unit="of the keys", measured_by="keys"
+    )
     scale: Literal["linear", "log"] = choice("`log`: factors count, not differences", "linear")
 
     @field_validator("scale")
@@ -59,7 +62,7 @@ def _positive(value: tuple[float, float]) -> tuple[float, float]:
     return positive_range(value, 'with scale = "log"')
 
 
-class CalibrationTarget(Table):
+class CalibrationTarget(UnitsTable):
     """One value that the machine must reach."""
 
     quantity: Literal["onset_speed", "critical_speed", "onset_slope"] = choice(
@@ -68,12 +71,15 @@ class CalibrationTarget(Table):
         "frequency), 0 at the frequency of the highest onset speed",
         "onset_speed",
     )
-    value: float | None = scalar("the target value, dimensionless", "1", None)
-    value_rpm: float | None = scalar(
-        "the target value as a rotating speed", "rpm", None, above=0, because="a speed is positive"
+    value: float | None = scalar(
+        "the target value; a slope has no unit", "1 or rpm", None, measured_by="quantity", si_key="value_rpm"
     )
+    value_rpm: float | None = scalar(
+        "the target value as a speed in rpm, whatever the units", "rpm", None, above=0,
+        because="a speed is positive",
+    )  # fmt: skip
     weight: float | None = scalar(
-        "factor on the deviation; 1 without uncertainty", "1", None, above=0,
+        "factor on the deviation in the unit of the value; 1 without uncertainty", "1", None, above=0,
         because="a target without weight has no effect",
     )  # fmt: skip
     uncertainty: float | None = scalar(
@@ -89,14 +95,18 @@ class CalibrationTarget(Table):
     )  # fmt: skip
     whirl: Literal["any", "forward", "backward"] = choice("which critical speeds are counted", "any")
     difference: float = scalar(
-        "half the distance of the two excitation frequencies of an `onset_slope`", "1", 0.02, above=0,
-        at_most=1, because="the slope is their central difference",
+        "half the distance of the two excitation frequencies of an `onset_slope`", default=0.02, above=0,
+        at_most=1, because="the slope is their central difference", measures="frequency",
     )  # fmt: skip
     speed_range: Interval | None = table(
-        "speeds between which the onset is searched; calibrate.speed_range if not given", None, unit="1"
+        "speeds between which the onset is searched; calibrate.speed_range if not given",
+        None,
+        measures="speed",
     )
     set: dict[str, Any] = table(
-        'configuration keys of this target alone, such as { "excitation.frequency" = 0.2 }', {}
+        'configuration keys of this target alone, such as { "excitation.frequency" = 0.2 }',
+        {},
+        holds_keys=True,
     )
 
     @field_validator("uncertainty")
@@ -122,7 +132,7 @@ class CalibrationTarget(Table):
     @field_validator("set", mode="before")
     @classmethod
     def _dotted(cls, value: Any) -> Any:
-        return dict(_flat(value)) if isinstance(value, dict) else value
+        return dict(flat(value)) if isinstance(value, dict) else value
 
     @property
     def wanted(self) -> float:
@@ -137,15 +147,7 @@ class CalibrationTarget(Table):
         return self.uncertainty if self.uncertainty is not None else 1.0 / (self.weight or 1.0)
 
 
-def _flat(node: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in node.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
-
-
-class Calibrate(Table):
+class Calibrate(UnitsTable):
     """Least squares of some keys to target values (`agfb calibrate`)."""
 
     parameters: tuple[CalibrationParameter, ...] = table(
@@ -178,9 +180,7 @@ class Calibrate(Table):
         at_most=0.2,
         because="it must exceed the noise of the targets and stay local",
     )
-    speed_range: Interval = table(
-        "dimensionless speeds between which onsets are searched", (0.3, 1.6), unit="1"
-    )
+    speed_range: Interval = table("speeds between which onsets are searched", (0.3, 1.6), measures="speed")
 
     @field_validator("speed_range")
     @classmethod

@@ -17,6 +17,7 @@ from pipelines.case.rotor import off_shaft
 from pipelines.case.scales import PARAMETERS
 from pipelines.case.torus_settings import torus_inconsistencies
 from pipelines.case.transient_settings import transient_inconsistencies
+from pipelines.case.units import Written
 
 Check = Callable[[Case], Iterator[Inconsistency]]
 
@@ -39,16 +40,26 @@ AT_REST = (
 CLOSED = "times the largest of excitation.amplitudes must stay below 1: the ring closes the film"
 
 
-def machine_inconsistencies(case: Case) -> Iterator[Inconsistency]:
-    """Values with which no stage can compute, each with its path in the case."""
-    for table in ("operation", "excitation", "unbalance"):
-        yield from implausible_values(case, table)
+def machine_inconsistencies(
+    case: Case, written: Mapping[Path, Written] | None = None
+) -> Iterator[Inconsistency]:
+    """Values with which no stage can compute, each with its path in the case.
+
+    ``written``: what the file has in SI units, by path in the case.
+    """
+    for table in ("bearings", "operation", "excitation", "unbalance"):
+        yield from implausible_values(case, table, written)
 
 
-def stage_inconsistencies(case: Case, stage: str) -> Iterator[Inconsistency]:
-    """Why a stage (of `STAGE_TABLES`) is impossible for a case, each reason with its path in the case."""
+def stage_inconsistencies(
+    case: Case, stage: str, written: Mapping[Path, Written] | None = None
+) -> Iterator[Inconsistency]:
+    """Why a stage (of `STAGE_TABLES`) is impossible for a case, each reason with its path in the case.
+
+    ``written``: what the file has in SI units, by path in the case.
+    """
     for table in STAGE_TABLES[stage]:
-        yield from implausible_values(case, table)
+        yield from implausible_values(case, table, written)
     yield from _CHECKS.get(stage, _nothing)(case)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,12 +15,14 @@ from numpy.typing import NDArray
 from pipelines.case.fields import Path, extra_of, field_at
 from pipelines.case.models import Case
 from pipelines.case.sweeps import short_names
+from pipelines.case.units import measured, scale_of
 from pipelines.datasets.failures import read_failures
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, case_group, local_name
 
 Value = float | str | None
+_ROUNDING = 1e-12  # relative
 DIMENSIONAL = ("rpm", "hz")
 """Endings of columns that show another column in this unit."""
 
@@ -57,12 +60,11 @@ def case_table(store: Store, cases: Sequence[str]) -> CaseTable:
     """The table of some cases, from stored groups alone; raises StoreError for damaged groups."""
     configuration: Mapping[str, Any] = store.attributes.get("configuration", {})
     found = [dict(_outputs(store, case)) for case in cases]
+    documents = [configuration.get(case, {}) for case in cases]
     known = {name for row in found for name, value in row.items() if value is not None}
     names = sorted(known, key=_place)
     outputs = [_column(name, *_unit_and_meaning(name), [row.get(name) for row in found]) for name in names]
-    return CaseTable(
-        tuple(cases), tuple(_inputs([configuration.get(case, {}) for case in cases])), tuple(outputs)
-    )
+    return CaseTable(tuple(cases), tuple(_inputs(documents)), tuple(outputs))
 
 
 def _column(name: str, unit: str, meaning: str, values: Sequence[Any]) -> Column:
@@ -82,7 +84,10 @@ def _inputs(documents: Sequence[Mapping[str, Any]]) -> Iterator[Column]:
     flat = [dict(_flat(document, ())) for document in documents]
     paths = list(dict.fromkeys(path for values in flat for path in values))
     rows = {path: tuple(values.get(path) for values in flat) for path in paths}
-    named = {_without_index(path, rows): path for path in paths if len(set(rows[path])) > 1}
+    alike = _alike_in_si(documents)
+    named = {
+        _without_index(path, rows): path for path in paths if len(set(rows[path])) > 1 and path not in alike
+    }
     for name, path in named.items():
         _, declared = field_at(Case, path)
         unit = extra_of(declared, "unit") if declared is not None else ""
@@ -90,11 +95,31 @@ def _inputs(documents: Sequence[Mapping[str, Any]]) -> Iterator[Column]:
         yield _column(".".join(map(str, name)), unit, meaning, rows[path])
 
 
+def _alike_in_si(documents: Sequence[Mapping[str, Any]]) -> set[Path]:
+    """Keys that have one value in SI units, though its dimensionless numbers differ with the clearance."""
+    rows = [dict(_in_si(document)) for document in documents]
+    return {
+        path
+        for path in rows[0]
+        if all(path in row and math.isclose(row[path], rows[0][path], rel_tol=_ROUNDING) for row in rows)
+    }
+
+
+def _in_si(document: Mapping[str, Any]) -> Iterator[tuple[Path, float]]:
+    scale = scale_of(dict(document))
+    tables = [name for name in document if name in Case.model_fields] if scale else []
+    for table in tables:
+        for each in measured(Case, document, table):
+            factor = 1.0 if scale is None or each.in_si else scale[each.quantity]
+            for path, number in _flat(each.numbers, each.path):
+                yield path, factor * number
+
+
 def _flat(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
     if isinstance(value, Mapping):
         for name, inner in value.items():
             yield from _flat(inner, (*path, name))
-    elif isinstance(value, list):
+    elif isinstance(value, list | tuple):
         for index, inner in enumerate(value):
             yield from _flat(inner, (*path, index))
     else:

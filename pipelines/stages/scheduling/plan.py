@@ -32,7 +32,7 @@ from pipelines.stages.scheduling.durations import Durations
 from pipelines.stages.survey import onsets, survey
 from pipelines.stages.tori import continue_tori
 from pipelines.stages.transients import transient
-from pipelines.stages.transients.run import request_of
+from pipelines.stages.transients.run import is_requested
 
 Attributes = Mapping[str, Any]
 
@@ -358,12 +358,11 @@ def _with_time(found: Planned, case: Case, durations: Durations) -> Planned:
 
 def _run_in_time(named: NamedCase, store: Store | None, store_path: Path | None) -> Planned:
     """A transient, whose duration its own stage measures."""
-    request = request_of(named.case)
     groups = _groups(store, named.case_id)
     own = [
         found
         for name, found in groups.items()
-        if name.startswith("transient/") and found["request"] == request
+        if name.startswith("transient/") and is_requested(named.case, found["request"])
     ]
     ahead = transient.outlook(named, store_path)
     begun = [int(found["n_points"]) for found in own]
