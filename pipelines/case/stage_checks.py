@@ -58,9 +58,14 @@ def stage_inconsistencies(
 
     ``written``: what the file has in SI units, by path in the case.
     """
+    doubtful: set[Path] = set()
     for table in STAGE_TABLES[stage]:
-        yield from implausible_values(case, table, written)
-    yield from _CHECKS.get(stage, _nothing)(case)
+        for path, message in implausible_values(case, table, written):
+            doubtful.add(path)
+            yield path, message
+    for path, message in _CHECKS.get(stage, _nothing)(case):
+        if path not in doubtful:  # numbers in the wrong unit are judged no further
+            yield path, message
 
 
 def _nothing(case: Case) -> Iterator[Inconsistency]:
