@@ -233,6 +233,18 @@ def declared_at(root: type[Table], key: str) -> FieldInfo | None:
     return declared
 
 
+def in_si(quantity: str, value: float, scale: Scale) -> str:
+    """A dimensionless number in its SI unit, for readers: `19948 rpm`."""
+    number = value * scale[quantity]
+    digits = f"{number:.0f}" if 1e3 <= abs(number) < 1e7 else f"{number:.4g}"
+    return f"{digits} {SI_UNITS[quantity]}"
+
+
+def in_both(quantity: str, value: float, scale: Scale, form: str = ".6g") -> str:
+    """A dimensionless number and the same in its SI unit: `1.0778 (19948 rpm)`."""
+    return f"{value:{form}} ({in_si(quantity, value, scale)})"
+
+
 @dataclass(frozen=True)
 class Measured:
     """A value of a validated case that can be mistaken for another unit."""

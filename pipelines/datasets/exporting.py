@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from pipelines.datasets.dimensional import StoredScales
 from pipelines.datasets.durable import replace_file
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.records import Group
@@ -88,18 +89,29 @@ def _spec(group: Group, name: str) -> ArraySpec:
 
 
 def _csv(store: Store, name: str, names: Sequence[str]) -> bytes:
-    """A table with a comment line for every array; array entries and real and imaginary parts are columns."""
-    group, text = read_group(store, name, names), io.StringIO(newline="")
+    """A table with a comment line for every array; array entries and real and imaginary parts are columns.
+
+    What is dimensionless follows in SI units: speed, speed_rpm.
+    """
+    group, text, scales = read_group(store, name, names), io.StringIO(newline=""), _scales(store, name)
     columns: dict[str, Array] = {}
     for array in names:
         spec = _spec(group, array)
         unit = "" if spec.flags else f" [{spec.units}]"
         text.write(f"# {array}: {spec.long_name}{unit}\n")
         columns |= _columns(array, group.labels(array))
+        si = scales.si_unit(group, spec)
+        if si is not None and group[array][:1].size <= WIDEST:
+            text.write(f"# {array}_{si.ending}: the same [{si.unit}]\n")
+            columns |= _columns(f"{array}_{si.ending}", group[array] * si.factor)
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
     return text.getvalue().encode()
+
+
+def _scales(store: Store, name: str) -> StoredScales:
+    return StoredScales(store, name.split("/")[1])
 
 
 def _columns(name: str, values: Array) -> dict[str, Array]:
@@ -116,10 +128,13 @@ def _columns(name: str, values: Array) -> dict[str, Array]:
 
 
 def _netcdf(store: Store, name: str, names: Sequence[str]) -> bytes:
-    """netCDF 3, which has no complex numbers: NAME_real and NAME_imag."""
+    """netCDF 3, which has no complex numbers: NAME_real and NAME_imag.
+
+    The attribute si_factor is what 1 is in si_units.
+    """
     import xarray
 
-    group = read_group(store, name, names)
+    group, scales = read_group(store, name, names), _scales(store, name)
     dataset = xarray.Dataset(attrs=_plain(group.attributes))
     for array, values in group.arrays.items():
         spec = _spec(group, array)
@@ -128,6 +143,8 @@ def _netcdf(store: Store, name: str, names: Sequence[str]) -> bytes:
             del attributes["units"]
             attributes["flag_values"] = np.arange(-1, len(spec.flags), dtype=np.int8)
             attributes["flag_meanings"] = " ".join(("unset", *spec.flags))
+        if (si := scales.si_unit(group, spec)) is not None:
+            attributes |= si.attributes()
         if np.iscomplexobj(values):
             dataset[f"{array}_real"] = (spec.dimensions, values.real, attributes)
             dataset[f"{array}_imag"] = (spec.dimensions, values.imag, attributes)
@@ -147,7 +164,10 @@ def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _mat(store: Store, case: str, full: bool) -> bytes:
-    """One struct per group, named as the group, with its arrays, its attributes as JSON and its units."""
+    """One struct per group, named as the group, with its arrays, its attributes as JSON and its units.
+
+    si_factor is what 1 is in si_units, for arrays that have both.
+    """
     from scipy.io import savemat
 
     content: dict[str, Any] = {"case_attributes": json.dumps(case_attributes(store, case))}
@@ -157,6 +177,10 @@ def _mat(store: Store, case: str, full: bool) -> bytes:
             array[:_LONGEST_NAME]: _for_matlab(group.labels(array)) for array in group.arrays
         }
         struct["units"] = {array[:_LONGEST_NAME]: _spec(group, array).units for array in group.arrays}
+        units = {array: _scales(store, name).si_unit(group, _spec(group, array)) for array in group.arrays}
+        both = {array[:_LONGEST_NAME]: si.attributes() for array, si in units.items() if si is not None}
+        for key in ("si_units", "si_factor"):
+            struct[key] = {array: attributes[key] for array, attributes in both.items()}
         struct["attributes"] = json.dumps(dict(group.attributes))
         content[local_name(name).replace("/", "_")] = struct
     stream = io.BytesIO()

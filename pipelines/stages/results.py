@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from pipelines.case.fields import SI_UNITS
+from pipelines.case.units import Scale
+
 Scalar = str | int | float | bool | None
 FailedBy = Literal["case", "store", "bug"]
 
@@ -58,6 +61,13 @@ class StageResult:
     def from_dict(cls, record: Mapping[str, Any]) -> StageResult:
         """Rebuild a result from `as_dict`."""
         return cls(**record)
+
+
+def in_both_units(name: str, quantity: str, value: float | None, scale: Scale) -> dict[str, Scalar]:
+    """A number of a summary, dimensionless under its name and in SI units under `name [rpm]`."""
+    if value is None:
+        return {name: None}
+    return {name: value, f"{name} [{SI_UNITS[quantity]}]": value * scale[quantity]}
 
 
 Report = Callable[[Progress], None]

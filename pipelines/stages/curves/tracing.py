@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -91,7 +92,7 @@ def _progress_callback(
     limit, names = job.case.track_curves.max_points, start.problem.names
 
     def report_point(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
-        where = ", ".join(f"{name} {value:.5g}" for name, value in zip(names, state.parameters, strict=True))
+        where = ", ".join(itertools.starmap(job.place, zip(names, state.parameters, strict=True)))
         found = "".join(f", {special.kind.name.lower().replace('_', ' ')}" for special in specials)
         job.report_progress(state.index + 1, limit, f"{group}: {where}{found}")
 

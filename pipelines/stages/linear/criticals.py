@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.case.units import Scale
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.schema import KINDS
@@ -32,7 +33,15 @@ from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.stages.linear import missing_speeds
 from pipelines.stages.linear.condensed_modes import LinearBearings, checked_modes, linear_bearings
-from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult, StopRequested
+from pipelines.stages.results import (
+    Progress,
+    Report,
+    Scalar,
+    ShouldStop,
+    StageResult,
+    StopRequested,
+    in_both_units,
+)
 
 COMPARED_MODES = 8
 # The unbalance of the comparison: the rotor's mass, off its axis by this part of the clearance.
@@ -48,7 +57,7 @@ def criticals(named: NamedCase, store_path: Path, report: Report, should_stop: S
     store, group = open_for_writing(store_path), case_group(named.case_id, "criticals")
     request = named.case.criticals.model_dump(mode="json")
     if store.has_group(group) and read_group(store, group, ()).attributes.get("request") == request:
-        return _result(named.case_id, store, group)
+        return _result(named, store, group)
     machine, parameters = build_machine(named.case), parameter_vector(named.case)
     table = named.case.criticals
     total = table.points + table.unbalance_points
@@ -79,7 +88,7 @@ def criticals(named: NamedCase, store_path: Path, report: Report, should_stop: S
     attributes |= {"request": request, **_missing_attributes(diagram, critical, speeds)}
     write_group(store, group, "criticals", arrays, attributes)
     report(Progress("criticals", named.case_id, total, total))
-    return _result(named.case_id, store, group)
+    return _result(named, store, group)
 
 
 def _missing_attributes(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> dict[str, Any]:
@@ -229,27 +238,33 @@ def _comparison_arrays(machine: Machine, comparison: CondensationComparison) -> 
     }
 
 
-def _result(case_id: str, store: Store, group: str) -> StageResult:
+def _result(named: NamedCase, store: Store, group: str) -> StageResult:
+    scale = named.case.scales.si_per_unit
     content = read_group(store, group, ("speed", "critical_speed", "resonance_frequency"))
     critical, resonances = content.arrays["critical_speed"], content.arrays["resonance_frequency"]
     lowest = float(critical[0]) if critical.size else None
-    summary: dict[str, Scalar] = {
-        "critical speeds": int(critical.size),
-        "lowest": lowest,
-        "resonances": int(resonances.size),
-    }
+    summary: dict[str, Scalar] = {"critical speeds": int(critical.size)}
+    summary |= in_both_units("lowest", "speed", lowest, scale)
+    summary["resonances"] = int(resonances.size)
     attributes = content.attributes
     summary["condensation error"] = attributes.get("condensation_error")
-    if without := _without_equilibrium(attributes):
-        summary["without equilibrium"] = without
+    summary |= _without_equilibrium(attributes, scale)
     reason = attributes["stop_reason"]
     advice, caution = attributes["stop_advice"], attributes.get("caution", "")
-    return StageResult(case_id, reason in SUCCESSFUL, reason, advice, summary, caution=caution)
+    return StageResult(named.case_id, reason in SUCCESSFUL, reason, advice, summary, caution=caution)
 
 
-def _without_equilibrium(attributes: Mapping[str, Any]) -> str:
+def _without_equilibrium(attributes: Mapping[str, Any], scale: Scale) -> dict[str, Scalar]:
     """Speeds of the range without equilibrium, or the intervals between them; empty without any."""
     if missing := attributes[missing_speeds.ATTRIBUTE]:
-        return missing_speeds.named(missing)
+        return missing_speeds.summary(missing, scale)
     gaps = [one for one in attributes["undecided_stretches"] if one["reason"] == NO_EQUILIBRIUM]
-    return ", ".join(f"{gap['low']:.4g} to {gap['high']:.4g}" for gap in gaps)
+    if not gaps:
+        return {}
+    rpm = scale["speed"]
+    return {
+        "without equilibrium": ", ".join(f"{gap['low']:.4g} to {gap['high']:.4g}" for gap in gaps),
+        "without equilibrium [rpm]": ", ".join(
+            f"{rpm * gap['low']:.0f} to {rpm * gap['high']:.0f}" for gap in gaps
+        ),
+    }

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.case.units import Scale, in_both
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
@@ -29,7 +30,7 @@ from pipelines.orbits.equilibria.linear import (
     locate_instability,
 )
 from pipelines.stages.linear import missing_speeds
-from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult, in_both_units
 
 HIDDEN = "the instability lies at speeds without equilibrium"
 
@@ -39,7 +40,7 @@ def linearize(named: NamedCase, store_path: Path, report: Report, should_stop: S
     store = open_for_writing(store_path)
     machine, parameters = build_machine(named.case), reference_parameters(named.case)
     table = named.case.linearize
-    speeds = np.linspace(*table.speed_range, table.points)
+    speeds, scale = np.linspace(*table.speed_range, table.points), named.case.scales.si_per_unit
     group = case_group(named.case_id, "linear")
     with open_branch(
         store, group, "linear", _sizes(machine, named.case), {"whirl_ratio": np.array(table.whirl_ratios)},
@@ -54,7 +55,7 @@ def linearize(named: NamedCase, store_path: Path, report: Report, should_stop: S
                 reasons[index] = equilibrium.reason
                 at = at_speed(parameters, float(speeds[index]))
                 branch.commit(_row(machine, at, named.case, equilibrium))
-                message = f"speed {speeds[index]:.4g}"
+                message = f"speed {in_both('speed', float(speeds[index]), scale, '.4g')}"
                 report(Progress("linearize", named.case_id, index + 1, table.points, message))
             rows = read_group(store, group, ("speed", "state", "eigenvalues")).arrays
             missing = _missing(machine, parameters, rows, reasons)
@@ -64,7 +65,7 @@ def linearize(named: NamedCase, store_path: Path, report: Report, should_stop: S
                 {} if len(missing) == table.points else _instability(machine, parameters, rows),
             )
     attributes = read_group(store, group, ()).attributes
-    return _result(named.case_id, attributes)
+    return _result(named.case_id, attributes, scale)
 
 
 def reference_parameters(case: Case) -> Array:
@@ -208,15 +209,17 @@ def hopf_between(
         return None
 
 
-def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
+def _result(case_id: str, attributes: Mapping[str, Any], scale: Scale) -> StageResult:
     speed = attributes.get("instability_speed")
-    summary = {"speeds": attributes["n_points"], "instability speed": speed}
+    ok = attributes["stop_reason"] in missing_speeds.SUCCESSFUL
+    summary: dict[str, Scalar] = {"speeds": attributes["n_points"]}
+    summary |= in_both_units("instability speed", "speed", speed, scale)
     if speed is not None:
-        summary["whirl frequency"] = attributes["instability_frequency"]
+        summary |= in_both_units("whirl frequency", "frequency", attributes["instability_frequency"], scale)
     if attributes.get("unstable_from_start"):
         summary["unstable from the lowest speed"] = True
-    missing = attributes.get(missing_speeds.ATTRIBUTE, [])
-    if missing:
-        summary["without equilibrium"] = missing_speeds.named(missing)
-    ok = attributes["stop_reason"] in missing_speeds.SUCCESSFUL
+    elif speed is None and ok:
+        highest = float(attributes["request"]["speed_range"][1])
+        summary |= in_both_units("stable up to", "speed", highest, scale)
+    summary |= missing_speeds.summary(attributes.get(missing_speeds.ATTRIBUTE, []), scale)
     return StageResult(case_id, ok, attributes["stop_reason"], attributes["stop_advice"], summary)

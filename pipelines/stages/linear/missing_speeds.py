@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipelines.case.units import Scale
+from pipelines.stages.results import Scalar
+
 # A stage fails where more than this share of its speeds has no equilibrium.
 LARGEST_SHARE = 0.1
 NAMED = 6  # speeds that a message names
@@ -32,7 +35,20 @@ def ending(missing: Sequence[str], total: int) -> str:
 
 def named(missing: Sequence[str]) -> str:
     """The speeds, a few of them by value."""
-    speeds = [one.partition(":")[0].removeprefix("speed ") for one in missing]
+    return _few(_speeds(missing))
+
+
+def summary(missing: Sequence[str], scale: Scale) -> dict[str, Scalar]:
+    """The speeds as part of a summary, in both units."""
+    rpm = [f"{float(speed) * scale['speed']:.0f}" for speed in _speeds(missing)]
+    return {"without equilibrium": named(missing), "without equilibrium [rpm]": _few(rpm)} if missing else {}
+
+
+def _speeds(missing: Sequence[str]) -> list[str]:
+    return [one.partition(":")[0].removeprefix("speed ") for one in missing]
+
+
+def _few(speeds: Sequence[str]) -> str:
     more = f" and {len(speeds) - NAMED} more" if len(speeds) > NAMED else ""
     return ", ".join(speeds[:NAMED]) + more
 

@@ -112,7 +112,8 @@ def _progress_callback(job: Job, group: str) -> Callable[[TorusPoint, TorusState
     table = job.case.continue_tori
 
     def report_point(point: TorusPoint, state: TorusState) -> None:
-        message = f"{table.parameter} {state.parameter:.5g}, rotation {state.rotation / (2.0 * math.pi):.5f}"
+        message = job.place(table.parameter, state.parameter)
+        message += f", rotation {state.rotation / (2.0 * math.pi):.5f}"
         known = "stable" if point.stable else "unstable"
         message += f", {point.torus.count} angles, {known if point.spectrum.decided else 'undecided'}"
         job.report_progress(state.index + 1, table.max_points, f"{group}: {message}")
