@@ -67,18 +67,21 @@ def _conclude(outcome: Outcome, request: Request, console: Console) -> None:
         cases = {each.case_id: each.as_dict() for each in found}
         console.json_data({"store": str(request.store), "results": outcome.records(), "cases": cases})
         return
+    named = {each.case_id: each for each in chosen}
     for calibration in found:
-        show(calibration, console)
+        show(calibration, named[calibration.case_id], console)
 
 
-def show(found: Calibration, console: Console) -> None:
-    """Show targets, parameters, undetermined directions and assignments."""
+def show(found: Calibration, named: NamedCase, console: Console) -> None:
+    """Show targets, parameters, undetermined directions, and assignments in the units of the file."""
+    from pipelines.case.rewriting import in_units_of_file
+
     rows = [
-        (row.target, row.wanted, row.reached, row.difference, row.deviation,
+        (row.target, row.unit, row.wanted, row.reached, row.difference, row.deviation,
          row.bifurcation.replace("_", " ").replace("unset", "-"), row.remark)
         for row in found.targets
     ]  # fmt: skip
-    header = ("target", "wanted", "reached", "difference", "in uncertainties", "bifurcation", "")
+    header = ("target", "unit", "wanted", "reached", "difference", "in uncertainties", "bifurcation", "")
     console.data(f"\n{found.case_id}: {found.machines} machines")
     console.data(table(header, rows))
     bounds = {"": "", "lowest": "at the lowest of its range", "highest": "at the highest of its range"}
@@ -92,7 +95,7 @@ def show(found: Calibration, console: Console) -> None:
         parts = ", ".join(f"{key} {part:+.2f}" for key, part in direction.items())
         console.data(f"not determined by the targets, in parts of the ranges: {parts}")
     console.data("")
-    for key, value in found.values.items():
+    for key, value in in_units_of_file(named, found.values).items():
         console.data(f"--set {key}={value!r}")
 
 

@@ -53,7 +53,7 @@ def add_step_errors(content: Mapping[str, Any]) -> None:
 def show(content: Mapping[str, Any], console: Console) -> None:
     """One line per group on stdout; origin, cautions and advice on stderr."""
     from pipelines.stages import step_errors
-    from pipelines.stages.linear.missing_speeds import named
+    from pipelines.stages.linear.missing_speeds import named_in_both
 
     attributes = content["attributes"]
     version = attributes.get("versions", {}).get("agfb", "of an unknown version")
@@ -67,7 +67,7 @@ def show(content: Mapping[str, Any], console: Console) -> None:
             points = None if state["n_points"] is None else f"{state['n_points']} of at most {capacity}"
             reason = words(state["stop_reason"] or state["status"])
             if missing := state["speeds_without_equilibrium"]:
-                reason += f" ({named(missing)})"
+                reason += f" ({named_in_both(missing, described['scales'])})"
             if (error := state.get("condensation_error")) is not None:
                 reason += f", condensation error {error:.2g}"
             unknown = state["points_without_step_error"], state["n_points"] or 0

@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import tomllib
 from collections.abc import Mapping
 
 from pipelines.case.locating import value_spans
 from pipelines.case.models import Case
+from pipelines.case.reading import NamedCase
 from pipelines.case.sweeps import MisplacedError, assign, inherit_bearing
 from pipelines.case.units import Written, dimensionless, scale_of
 
 
 class NotWrittenError(ValueError):
     """A key whose value is not in the text."""
+
+
+def in_units_of_file(named: NamedCase, values: Mapping[str, float]) -> dict[str, float]:
+    """The numbers of a validated case at some dotted keys in the units that its file has there."""
+    scale, written = named.case.with_values(values).scales.si_per_unit, named.places.units.written
+    found = {}
+    for key, value in values.items():
+        (path, *_) = assign(copy.deepcopy(named.resolved), key, value)
+        measures = written[path].measures if path in written else ()
+        found[key] = value * scale[measures[0]] if measures else value
+    return found
 
 
 def with_values(text: str, values: Mapping[str, float]) -> str:

@@ -10,14 +10,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from pipelines.case.calibrate_settings import calibration_inconsistencies
-from pipelines.case.fields import Inconsistency, Path
+from pipelines.case.fields import MEASURES, Inconsistency, Path
 from pipelines.case.models import Case
 from pipelines.case.plausible import implausible_values
 from pipelines.case.rotor import off_shaft
 from pipelines.case.scales import PARAMETERS
 from pipelines.case.torus_settings import torus_inconsistencies
 from pipelines.case.transient_settings import transient_inconsistencies
-from pipelines.case.units import Written
+from pipelines.case.units import Written, in_both
 
 Check = Callable[[Case], Iterator[Inconsistency]]
 
@@ -66,6 +66,14 @@ def stage_inconsistencies(
     for path, message in _CHECKS.get(stage, _nothing)(case):
         if path not in doubtful:  # numbers in the wrong unit are judged no further
             yield path, message
+
+
+def ranges_of_speed(case: Case) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Dotted key and ends of the ranges of speed along which equilibria are computed."""
+    yield "linearize.speed_range", case.linearize.speed_range
+    yield "criticals.speed_range", case.criticals.speed_range
+    if case.unbalance is not None:
+        yield "unbalance_response.speed_range", case.unbalance_response.speed_range
 
 
 def _nothing(case: Case) -> Iterator[Inconsistency]:
@@ -168,10 +176,14 @@ def _own_value(
     low, high = interval
     value = case.parameters[PARAMETERS.index(name)]
     if start is None and not math.isnan(value) and not low <= value <= high:
+        ends, own = (
+            ", ".join(in_both(MEASURES[name], number, case.scales.si_per_unit) for number in numbers)
+            for numbers in (interval, (value,))
+        )
         yield (
             (*at, "range"),
-            f"[{low:g}, {high:g}] does not contain the case's own {name} = {value:.6g}, where the branch "
-            "starts: give start, or another range",
+            f"[{ends}] does not contain the case's own {name} = {own}, where the branch starts: give start, "
+            "or another range",
         )
 
 

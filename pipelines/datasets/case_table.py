@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.case.fields import Path, extra_of, field_at
+from pipelines.case.fields import MEASURES, SI_UNITS, Path, extra_of, field_at
 from pipelines.case.models import Case
 from pipelines.case.sweeps import short_names
 from pipelines.case.units import measured, scale_of
+from pipelines.datasets.dimensional import ENDINGS, scale_of_case
 from pipelines.datasets.failures import read_failures
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.records import Group
@@ -23,7 +24,7 @@ from pipelines.datasets.store import Store, case_group, local_name
 
 Value = float | str | None
 _ROUNDING = 1e-12  # relative
-DIMENSIONAL = ("rpm", "hz")
+DIMENSIONAL = {ENDINGS[SI_UNITS[quantity]]: SI_UNITS[quantity] for quantity in MEASURES.values()}
 """Endings of columns that show another column in this unit."""
 
 
@@ -145,7 +146,7 @@ def _without_index(path: Path, rows: Mapping[Path, tuple[Any, ...]]) -> Path:
 def short_titles(columns: Sequence[Column]) -> list[str]:
     """The shortest ends of the names that distinguish them, as words and without a unit."""
     names = short_names([column.name for column in columns])
-    return [name.removesuffix("_rpm").removesuffix("_hz").replace("_", " ") for name in names]
+    return [_without_unit(name)[0].replace("_", " ") for name in names]
 
 
 # outputs
@@ -188,14 +189,22 @@ def _outputs(store: Store, case: str) -> Iterator[tuple[str, Value]]:
         yield "failed", "; ".join(f"{failure.stage}: {failure.reason}" for failure in failures)
 
 
+def _both(
+    name: str, parameter: str, value: float | None, scales: Mapping[str, float]
+) -> Iterator[tuple[str, Value]]:
+    """A value of a parameter, dimensionless and in its SI unit."""
+    quantity = MEASURES[parameter]
+    yield name, value
+    dimensional = None if value is None else value * scale_of_case(scales)[quantity]
+    yield f"{name}_{ENDINGS[SI_UNITS[quantity]]}", dimensional
+
+
 def _speed(name: str, speed: float | None, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
-    yield name, speed
-    yield f"{name}_rpm", None if speed is None else speed * scales["speed_rpm_per_unit"]
+    yield from _both(name, "speed", speed, scales)
 
 
 def _frequency(name: str, value: float | None, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
-    yield name, value
-    yield f"{name}_hz", None if value is None else value * scales["hertz_per_unit"]
+    yield from _both(name, "excitation_frequency", value, scales)
 
 
 def _first_bifurcation(branch: Group, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
@@ -206,12 +215,7 @@ def _first_bifurcation(branch: Group, scales: Mapping[str, float]) -> Iterator[t
     places = np.flatnonzero(kinds != "neutral_saddle")  # which is no bifurcation
     first = float(branch.arrays[f"event_{parameter}"][places[0]]) if len(places) else None
     yield "first_bifurcation", str(kinds[places[0]]) if len(places) else "none"
-    if parameter == "speed":
-        yield from _speed(name, first, scales)
-    elif parameter == "excitation_frequency":
-        yield from _frequency(name, first, scales)
-    else:
-        yield name, first
+    yield from _both(name, parameter, first, scales)
 
 
 def _operating_range(
@@ -230,10 +234,15 @@ def _operating_range(
 
 def _root(name: str) -> tuple[str, str]:
     """An output's name without number and dimensional ending, and that ending."""
-    stem, _, ending = name.rpartition("_")
-    stem, ending = (stem, ending) if ending in DIMENSIONAL else (name, "")
+    stem, ending = _without_unit(name)
     root, _, number = stem.rpartition("_")
     return (root if number.isdecimal() else stem), ending
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """A name without its dimensional ending, and that ending."""
+    ending = next((each for each in DIMENSIONAL if name.endswith(f"_{each}")), "")
+    return (name.removesuffix(f"_{ending}"), ending) if ending else (name, "")
 
 
 def _place(name: str) -> tuple[int, int, str]:
@@ -246,7 +255,7 @@ def _place(name: str) -> tuple[int, int, str]:
 def _unit_and_meaning(name: str) -> tuple[str, str]:
     root, ending = _root(name)
     words = root in ("first_bifurcation", "best_bound", "failed")
-    return {"rpm": "rpm", "hz": "Hz", "": "" if words else "1"}[ending], _MEANINGS[root]
+    return DIMENSIONAL[ending] if ending else "" if words else "1", _MEANINGS[root]
 
 
 # files

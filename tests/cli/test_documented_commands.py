@@ -68,16 +68,16 @@ YOUR_ROTOR = (
     "rotor.masters=[2, 5, 8]",
     "excitation.load=20.0",
     "linearize.points=4",
-    "criticals.speed_range=[0.3, 0.5]",
+    "criticals.speed_range=[4650.0, 7750.0]",
     "criticals.points=3",
     "criticals.unbalance_points=3",
     "unbalance_response.points=4",
-    "unbalance_response.speed_range=[0.3, 0.5]",
-    "continue_cycles.range=[1.03, 1.09]",  # a Neimark-Sacker point lies inside
-    "continue_cycles.start=1.04",
-    "continue_cycles.step=0.02",
-    "continue_cycles.maximum_step=0.02",
-    "track_curves.ranges=[[0.852, 0.855], [1.07, 1.09]]",
+    "unbalance_response.speed_range=[4650.0, 7750.0]",
+    "continue_cycles.range=[15962.0, 16891.0]",  # a Neimark-Sacker point lies inside
+    "continue_cycles.start=16117.0",
+    "continue_cycles.step=310.0",
+    "continue_cycles.maximum_step=310.0",
+    "track_curves.ranges=[[220.05, 220.83], [16582.0, 16891.0]]",
     "refine.factors=[1.1, 1.2]",
     "refine.tolerance_factor=1.0",
     "refine.points_per_curve=0",
@@ -87,7 +87,7 @@ YOUR_ROTOR = (
 )
 CALIBRATION = (  # of a number that the machine meets already: two machines instead of a search
     "calibrate.parameters=[{keys = ['bearings.foil.loss_factor'], range = [0.3, 0.5]}]",
-    "calibrate.targets=[{quantity = 'critical_speed', value = 0.35967}]",
+    "calibrate.targets=[{quantity = 'critical_speed', value = 5573.7}]",
     "calibrate.tolerance=0.5",
 )
 

@@ -83,6 +83,7 @@ def test_the_instability_speed_is_where_a_pair_crosses(tmp_path: Path) -> None:
     attributes = linear(tmp_path / "a.zarr").attributes
     speed = attributes["instability_speed"]
     assert result.summary["instability speed"] == speed
+    assert result.summary["instability speed [rpm]"] == pytest.approx(case.case.scales.speed_rpm(speed))
     machine = build_machine(case.case)
     point = linear_point(machine, at_speed(parameter_vector(case.case), speed), 4)
     leading = point.eigenpairs.values[0]
@@ -95,6 +96,8 @@ def test_a_range_without_instability_has_none(tmp_path: Path) -> None:
     result = Watched("linearize", tiny_case("linearize.speed_range=[0.7, 1.0]"), tmp_path / "a.zarr").result
     assert result.ok
     assert result.summary["instability speed"] is None
+    assert result.summary["stable up to"] == 1.0
+    assert result.summary["stable up to [rpm]"] == pytest.approx(tiny_case().case.scales.speed_rpm(1.0))
     assert linear(tmp_path / "a.zarr").attributes["unstable_from_start"] is False
     assert "unstable from the lowest speed" not in result.summary
 

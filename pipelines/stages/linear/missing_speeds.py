@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from pipelines.case.units import Scale
 from pipelines.stages.results import Scalar
@@ -36,6 +36,14 @@ def ending(missing: Sequence[str], total: int) -> str:
 def named(missing: Sequence[str]) -> str:
     """The speeds, a few of them by value."""
     return _few(_speeds(missing))
+
+
+def named_in_both(missing: Sequence[str], scales: Mapping[str, float] | None) -> str:
+    """The same, in rpm too where the ``scales`` of the case are stored."""
+    if scales is None:
+        return named(missing)
+    found = summary(missing, {"speed": scales["speed_rpm_per_unit"]})
+    return f"{found['without equilibrium']}; {found['without equilibrium [rpm]']} rpm"
 
 
 def summary(missing: Sequence[str], scale: Scale) -> dict[str, Scalar]:
