@@ -10,6 +10,7 @@ velocity bounds the excitation frequency: the ring would have to swing faster th
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from pipelines.case.fields import SI_UNITS, Inconsistency, Path
 from pipelines.case.models import Case
@@ -28,17 +29,17 @@ HINT = '; for rpm, Hz, s, um and N/m3 write units = "si" in the table or at the 
 
 
 def implausible_values(
-    case: Case, table: str, written: Mapping[Path, Written] | None = None
+    case: Case, resolved: Mapping[str, Any], table: str, written: Mapping[Path, Written]
 ) -> Iterator[Inconsistency]:
     """The values in one of the case's tables that seem to have another unit than their key.
 
-    ``written``: what the file has in SI units, by path in the case.
+    ``resolved``: the case as plain data; ``written``: what the file has in SI units, by path in the case.
     """
     scales = case.scales
     fastest = FASTEST_SURFACE / max(bearing.radius for bearing in case.bearings) * scales.time
-    for each in measured(type(case), case.model_dump(mode="json"), table):
+    for each in measured(type(case), resolved, table):
         given = [number for number in each.numbers if number is not None]
-        converted = any(each.path[:length] in (written or {}) for length in range(1, len(each.path) + 1))
+        converted = any(each.path[:length] in written for length in range(1, len(each.path) + 1))
         if not given:
             continue
         if converted and not each.in_si:

@@ -214,7 +214,7 @@ def _case(
                 misplaced = True
     own_places = replace(own_places, units=dimensionless(Case, own))
     try:
-        case = Case.model_validate(own)
+        case = Case.model_validate(own_places.units.document)
     except ValidationError as error:
         problems.extend(problems_of(error, Case, own_places))
         problems.extend(_journal_problems(own, own_places))
@@ -230,8 +230,9 @@ def _case(
 def stage_problems(named: NamedCase, stages: Iterable[str]) -> list[Problem]:
     """Why stages cannot compute a case, each reason once."""
     written = named.places.units.written
-    of_stages = (misfit for stage in stages for misfit in stage_inconsistencies(named.case, stage, written))
-    misfits = dict.fromkeys((*machine_inconsistencies(named.case, written), *of_stages))
+    told = named.resolved, written
+    of_stages = (misfit for stage in stages for misfit in stage_inconsistencies(named.case, stage, *told))
+    misfits = dict.fromkeys((*machine_inconsistencies(named.case, *told), *of_stages))
     return [_stage_problem(named, path, message) for path, message in misfits]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 from pipelines.case.calibrate_settings import calibration_inconsistencies
 from pipelines.case.fields import MEASURES, Inconsistency, Path
@@ -41,26 +42,26 @@ CLOSED = "times the largest of excitation.amplitudes must stay below 1: the ring
 
 
 def machine_inconsistencies(
-    case: Case, written: Mapping[Path, Written] | None = None
+    case: Case, resolved: Mapping[str, Any], written: Mapping[Path, Written]
 ) -> Iterator[Inconsistency]:
     """Values with which no stage can compute, each with its path in the case.
 
-    ``written``: what the file has in SI units, by path in the case.
+    ``resolved``: the case as plain data; ``written``: what the file has in SI units, by path in the case.
     """
     for table in ("bearings", "operation", "excitation", "unbalance"):
-        yield from implausible_values(case, table, written)
+        yield from implausible_values(case, resolved, table, written)
 
 
 def stage_inconsistencies(
-    case: Case, stage: str, written: Mapping[Path, Written] | None = None
+    case: Case, stage: str, resolved: Mapping[str, Any], written: Mapping[Path, Written]
 ) -> Iterator[Inconsistency]:
     """Why a stage (of `STAGE_TABLES`) is impossible for a case, each reason with its path in the case.
 
-    ``written``: what the file has in SI units, by path in the case.
+    ``resolved``: the case as plain data; ``written``: what the file has in SI units, by path in the case.
     """
     doubtful: set[Path] = set()
     for table in STAGE_TABLES[stage]:
-        for path, message in implausible_values(case, table, written):
+        for path, message in implausible_values(case, resolved, table, written):
             doubtful.add(path)
             yield path, message
     for path, message in _CHECKS.get(stage, _nothing)(case):

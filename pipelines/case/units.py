@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, get_origin
 
 from pydantic.fields import FieldInfo
@@ -125,14 +126,13 @@ class _Walk:
             elif units == SI and extra_of(declared, "holds_keys"):
                 converted[name] = self._keys(value, (*at, name))
             else:
-                converted[name] = self._inside(declared, value, (*at, name), units)
+                inner = _inner(model, name)
+                inside = value if inner is None else self._inside(inner, declared, value, (*at, name), units)
+                converted[name] = inside
         return converted
 
-    def _inside(self, declared: FieldInfo, value: Any, at: Path, units: Any) -> Any:
+    def _inside(self, inner: type[Table], declared: FieldInfo, value: Any, at: Path, units: Any) -> Any:
         """A table, the tables of an array or those with free names."""
-        inner = model_of(declared.annotation)
-        if inner is None:
-            return value
         if isinstance(value, list | tuple):
             return [self.table(inner, item, (*at, index), units) for index, item in enumerate(value)]
         if isinstance(value, Mapping) and _has_free_names(declared):
@@ -275,21 +275,65 @@ def _measured(
             yield from _measured(root, document, model, item, (*at, index))
     if not isinstance(node, Mapping):
         return
-    dimensionless_key = {extra_of(each, "si_key"): each for each in model.model_fields.values()}
-    for name, value in node.items():
-        declared, path = model.model_fields.get(name), (*at, name)
-        if declared is None or value is None or name.endswith(STEP):
+    for name, told in _told(model).items():
+        value, path = node.get(name), (*at, name)
+        if value is None:
             continue
-        other = dimensionless_key.get(name)
-        measures = measures_of(root, document, node, model, other or declared)
+        if isinstance(told, _Inner):
+            yield from _measured(root, document, told.model, value, path)
+            continue
+        measures = measures_of(root, document, node, model, told.declared)
         if len(measures) > 1:
             for index, (measure, item) in enumerate(zip(measures, value, strict=True)):
                 yield Measured((*path, index), measure, tuple(item), False)
         elif measures:
             numbers = tuple(value) if isinstance(value, list) else (value,)
-            yield Measured(path, measures[0], numbers, other is not None)
-        elif (inner := model_of(declared.annotation)) is not None:
-            yield from _measured(root, document, inner, value, path)
+            yield Measured(path, measures[0], numbers, told.in_si)
+
+
+@dataclass(frozen=True)
+class _Key:
+    """The declaration of a key that measures something; of a key in SI units that of the other one."""
+
+    declared: FieldInfo
+    in_si: bool
+
+
+@dataclass(frozen=True)
+class _Inner:
+    """The table that a key holds."""
+
+    model: type[Table]
+
+
+@cache
+def _told(model: type[Table]) -> Mapping[str, _Key | _Inner]:
+    """The keys of a table that measure something, or hold a table with such keys; no arclength steps."""
+    told: dict[str, _Key | _Inner] = {}
+    for name, declared in model.model_fields.items():
+        if (inner := _inner(model, name)) is not None:
+            told[name] = _Inner(inner)
+        elif (extra_of(declared, "measures") or extra_of(declared, "measured_by")) and not name.endswith(
+            STEP
+        ):
+            told[name] = _Key(declared, in_si=False)
+            if other := extra_of(declared, "si_key"):
+                told[other] = _Key(declared, in_si=True)
+    return told
+
+
+@cache
+def _inner(model: type[Table], name: str) -> type[Table] | None:
+    """The table that a key holds, if any key in it has two units."""
+    inner = model_of(model.model_fields[name].annotation)
+    return inner if inner is not None and _has_units(inner) else None
+
+
+@cache
+def _has_units(model: type[Table]) -> bool:
+    """Whether a table, or one inside it, has the key `units`."""
+    inner = (model_of(each.annotation) for each in model.model_fields.values())
+    return UNITS in model.model_fields or any(_has_units(each) for each in inner if each is not None)
 
 
 def _has_free_names(declared: FieldInfo) -> bool:

@@ -51,7 +51,7 @@ def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_tables_and_assignments_of_the_found_machine(config: Path) -> None:
     done = agfb("calibrate", "mine.toml")
     assert done.exit_code == ExitCode.DONE, done.output
-    assert "onset speed, excitation.frequency = 0.2  1.09    1.09" in done.stdout
+    assert "onset speed, excitation.frequency = 0.2  1     1.09    1.09" in done.stdout
     (assignment,) = (line for line in done.stdout.splitlines() if line.startswith("--set"))
     key, _, value = assignment.removeprefix("--set ").partition("=")
     assert key == "rotor.discs.mass"

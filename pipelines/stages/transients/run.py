@@ -90,7 +90,7 @@ def request_of(case: Case) -> dict[str, Any]:
 
 def is_requested(case: Case, request: Mapping[str, Any]) -> bool:
     """Whether a stored request is that of a case; earlier versions stored times in s and speeds in rpm."""
-    if request["transient"].get("units") != SI:
+    if request.get("transient", {}).get("units") != SI:
         return bool(request == request_of(case))
     machine = case.model_dump(mode="json", include={"gas", "bearings"})
     found = dimensionless(Case, {**machine, "transient": request["transient"]}).document["transient"]
