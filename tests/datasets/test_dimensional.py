@@ -12,12 +12,15 @@ import xarray
 from scipy.io import loadmat
 
 from pipelines.case.fields import SI_UNITS
+from pipelines.case.reading import read_cases
+from pipelines.datasets.case_table import case_table
 from pipelines.datasets.dimensional import StoredScales, quantity_of
 from pipelines.datasets.exporting import planned_files, write_files
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, open_for_reading
-from tests.helpers.tiny import Watched, tiny_case
+from pipelines.stages.scheduling.preparation import prepare_store
+from tests.helpers.tiny import CONFIG, Watched, tiny_case
 
 # The second bearing differs from the first in all that its films are scaled by.
 OTHER = ("bearings.1.clearance=25e-6", "bearings.1.radius=0.015", "bearings.1.length=0.02")
@@ -110,3 +113,15 @@ def test_every_array_called_dimensionless_has_a_unit() -> None:
     assert quantity_of(KINDS["operating_range"].array("abscissa"), named) == "frequency"
     assert quantity_of(KINDS["survey"].array("across"), named) == "speed"
     assert quantity_of(KINDS["refinement"].array("error"), {}) is None
+
+
+def test_a_key_of_one_value_in_rpm_is_no_input_of_a_table(tmp_path: Path) -> None:
+    """Clearances alone differ: the dimensionless ends of one range in rpm do so for no other reason."""
+    words = ("linearize.units=si", "linearize.speed_range=[13000, 24000]")
+    cases = read_cases(CONFIG.read_text(), "smoke.toml", (*words, "sweep.bearings.clearance=[19e-6, 22e-6]"))
+    prepare_store(tmp_path / "a.zarr", cases, ["agfb"])
+    opened = open_for_reading(tmp_path / "a.zarr")
+    ranges = {case.case.linearize.speed_range for case in cases}
+    assert len(ranges) == 2
+    table = case_table(opened, [case.case_id for case in cases])
+    assert [column.name for column in table.inputs] == ["bearings.clearance"]
