@@ -13,9 +13,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pipelines.case.fields import SI_UNITS, Inconsistency, Path
+from pipelines.case.measuring import measured
 from pipelines.case.models import Case
 from pipelines.case.scales import Scales
-from pipelines.case.units import Written, measured
+from pipelines.case.units import Written
 
 FASTEST_SURFACE = 2000.0  # m/s
 STIFFEST_FOIL = 1e6  # a pressure of p0 moves it by a millionth of the clearance

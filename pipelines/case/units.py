@@ -13,18 +13,17 @@ it is: `speed` in SI units and `speed_rpm` are one configuration.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Any, get_origin
 
 from pydantic.fields import FieldInfo
 
-from pipelines.case.fields import MEASURES, SI, SI_UNITS, Path, Table, extra_of, inner_types, model_of
+from pipelines.case.fields import SI, SI_UNITS, Path, Table, extra_of, inner_types
+from pipelines.case.measuring import UNITS, declared_at, inner_with_units, measures_of, measures_of_key
 from pipelines.case.scales import film_time, si_per_unit
 from pipelines.case.sweeps import Document, flat, values_at
 
-UNITS, STEP = "units", "step"
 Scale = Mapping[str, float]
 """What a dimensionless 1 is in the unit of each quantity of `SI_UNITS`."""
 
@@ -126,7 +125,7 @@ class _Walk:
             elif units == SI and extra_of(declared, "holds_keys"):
                 converted[name] = self._keys(value, (*at, name))
             else:
-                inner = _inner(model, name)
+                inner = inner_with_units(model, name)
                 inside = value if inner is None else self._inside(inner, declared, value, (*at, name), units)
                 converted[name] = inside
         return converted
@@ -179,60 +178,6 @@ class _Walk:
         return f"{key.rpartition('.')[0]}.{other}" if other else key
 
 
-def measures_of(
-    root: type[Table],
-    document: Mapping[str, Any],
-    node: Mapping[str, Any],
-    model: type[Table],
-    key: FieldInfo,
-) -> tuple[str, ...]:
-    """What a key of a table measures, or what each of its entries does; () for a key with one unit.
-
-    ``node`` is the table and ``document`` the whole configuration, for a key that another one tells about.
-    """
-    if measures := extra_of(key, "measures"):
-        return (measures,)
-    name = extra_of(key, "measured_by")
-    if not name:
-        return ()
-    table, _, last = name.rpartition(".")
-    owner: Any = next(values_at(document, table), {}) if table else node
-    owner_model = model_of(root.model_fields[table].annotation) if table else model
-    assert owner_model is not None
-    words = owner.get(last) if isinstance(owner, Mapping) else None
-    if words is None:
-        words = owner_model.model_fields[last].default
-    listed = words if isinstance(words, list | tuple) else [words]
-    found = [
-        measure
-        for word in listed
-        if isinstance(word, str)
-        for measure in ([MEASURES[word]] if word in MEASURES else measures_of_key(root, word))
-    ]
-    return tuple(found) if len(found) == len(listed) else ()
-
-
-def measures_of_key(root: type[Table], key: str) -> tuple[str, ...]:
-    """What a dotted key measures; () for a key with one unit, or that is told by another key."""
-    declared = declared_at(root, key)
-    measures = "" if declared is None or extra_of(declared, "si_key") else extra_of(declared, "measures")
-    return (measures,) if measures else ()
-
-
-def declared_at(root: type[Table], key: str) -> FieldInfo | None:
-    """The declaration of a dotted key, as in `--set`; None where it leads nowhere."""
-    model: type[Table] | None = root
-    declared: FieldInfo | None = None
-    for part in key.split("."):
-        if part.isdecimal():
-            continue
-        declared = None if model is None else model.model_fields.get(part)
-        if declared is None:
-            return None
-        model = model_of(declared.annotation)
-    return declared
-
-
 def in_si(quantity: str, value: float, scale: Scale) -> str:
     """A dimensionless number in its SI unit, for readers: `19948 rpm`."""
     number = value * scale[quantity]
@@ -243,97 +188,6 @@ def in_si(quantity: str, value: float, scale: Scale) -> str:
 def in_both(quantity: str, value: float, scale: Scale, form: str = ".6g") -> str:
     """A dimensionless number and the same in its SI unit: `1.0778 (19948 rpm)`."""
     return f"{value:{form}} ({in_si(quantity, value, scale)})"
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A value of a validated case that can be mistaken for another unit."""
-
-    path: Path
-    quantity: str
-    """One of `SI_UNITS`."""
-    numbers: tuple[float, ...]
-    in_si: bool
-    """Whether its key has the SI unit (`speed_rpm`); else it is dimensionless."""
-
-
-def measured(root: type[Table], document: Mapping[str, Any], table: str) -> Iterator[Measured]:
-    """The values of a table of a resolved document that measure something, arclength steps left out.
-
-    A value whose entries measure different quantities comes entry by entry.
-    """
-    model = model_of(root.model_fields[table].annotation)
-    if model is not None:
-        yield from _measured(root, document, model, document.get(table), (table,))
-
-
-def _measured(
-    root: type[Table], document: Mapping[str, Any], model: type[Table], node: Any, at: Path
-) -> Iterator[Measured]:
-    if isinstance(node, list):
-        for index, item in enumerate(node):
-            yield from _measured(root, document, model, item, (*at, index))
-    if not isinstance(node, Mapping):
-        return
-    for name, told in _told(model).items():
-        value, path = node.get(name), (*at, name)
-        if value is None:
-            continue
-        if isinstance(told, _Inner):
-            yield from _measured(root, document, told.model, value, path)
-            continue
-        measures = measures_of(root, document, node, model, told.declared)
-        if len(measures) > 1:
-            for index, (measure, item) in enumerate(zip(measures, value, strict=True)):
-                yield Measured((*path, index), measure, tuple(item), False)
-        elif measures:
-            numbers = tuple(value) if isinstance(value, list) else (value,)
-            yield Measured(path, measures[0], numbers, told.in_si)
-
-
-@dataclass(frozen=True)
-class _Key:
-    """The declaration of a key that measures something; of a key in SI units that of the other one."""
-
-    declared: FieldInfo
-    in_si: bool
-
-
-@dataclass(frozen=True)
-class _Inner:
-    """The table that a key holds."""
-
-    model: type[Table]
-
-
-@cache
-def _told(model: type[Table]) -> Mapping[str, _Key | _Inner]:
-    """The keys of a table that measure something, or hold a table with such keys; no arclength steps."""
-    told: dict[str, _Key | _Inner] = {}
-    for name, declared in model.model_fields.items():
-        if (inner := _inner(model, name)) is not None:
-            told[name] = _Inner(inner)
-        elif (extra_of(declared, "measures") or extra_of(declared, "measured_by")) and not name.endswith(
-            STEP
-        ):
-            told[name] = _Key(declared, in_si=False)
-            if other := extra_of(declared, "si_key"):
-                told[other] = _Key(declared, in_si=True)
-    return told
-
-
-@cache
-def _inner(model: type[Table], name: str) -> type[Table] | None:
-    """The table that a key holds, if any key in it has two units."""
-    inner = model_of(model.model_fields[name].annotation)
-    return inner if inner is not None and _has_units(inner) else None
-
-
-@cache
-def _has_units(model: type[Table]) -> bool:
-    """Whether a table, or one inside it, has the key `units`."""
-    inner = (model_of(each.annotation) for each in model.model_fields.values())
-    return UNITS in model.model_fields or any(_has_units(each) for each in inner if each is not None)
 
 
 def _has_free_names(declared: FieldInfo) -> bool:

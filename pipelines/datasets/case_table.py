@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.case.fields import MEASURES, SI_UNITS, Path, extra_of, field_at
+from pipelines.case.measuring import measured
 from pipelines.case.models import Case
 from pipelines.case.sweeps import short_names
-from pipelines.case.units import measured, scale_of
+from pipelines.case.units import scale_of
 from pipelines.datasets.dimensional import ENDINGS, scale_of_case
 from pipelines.datasets.failures import read_failures
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
