@@ -22,6 +22,7 @@ from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Master, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
 from pipelines.case.settings import (
+    Coefficients,
     ContinueCycles,
     Criticals,
     Linearize,
@@ -42,6 +43,7 @@ __all__ = [
     "CalibrationParameter",
     "CalibrationTarget",
     "Case",
+    "Coefficients",
     "ContinueCycles",
     "ContinueTori",
     "Criticals",
@@ -95,6 +97,7 @@ class Case(Table):
     operation: Operation = table("the operating point")
     numerics: Numerics = table("grid, schemes, tolerances", Numerics())
     linearize: Linearize = table("stage `agfb linearize`", Linearize())
+    coefficients: Coefficients = table("stage `agfb coefficients`", Coefficients())
     criticals: Criticals = table("stage `agfb criticals`", Criticals())
     unbalance_response: UnbalanceResponse = table("stage `agfb unbalance-response`", UnbalanceResponse())
     continue_cycles: ContinueCycles = table("stage `agfb continue-cycles`", ContinueCycles())

@@ -62,6 +62,9 @@ def _values(case: Case, table: str) -> Iterator[_Value]:
         yield _Value((table, "frequency"), FREQUENCY, [case.excitation.frequency])
     elif table == "linearize":
         yield _Value((table, "speed_range"), SPEED, case.linearize.speed_range)
+    elif table == "coefficients":
+        yield _Value((table, "speed_range"), SPEED, case.coefficients.speed_range or ())
+        yield _Value((table, "frequency_range"), FREQUENCY, case.coefficients.frequency_range or ())
     elif table == "criticals":
         yield _Value((table, "speed_range"), SPEED, case.criticals.speed_range)
     elif table == "unbalance_response":

@@ -178,6 +178,46 @@ class Linearize(Table):
         return value
 
 
+class Coefficients(Table):
+    """Stiffness and damping of the bearings over the rotating speed and the whirl frequency."""
+
+    speed_range: tuple[Number, Number] | None = table(
+        "dimensionless speeds from, to; default: `linearize.speed_range`", None, unit="1"
+    )
+    points: int = quantity(
+        "number of speeds; a failure if more than a tenth of them has no equilibrium",
+        "",
+        21,
+        at_least=2,
+        at_most=100_000,
+        because="a range has two ends",
+    )
+    frequency_range: tuple[Number, Number] | None = table(
+        "dimensionless whirl frequencies from, to; default: from 0, where damping is the limit for slow "
+        "motions, to the highest speed",
+        None,
+        unit="1",
+    )
+    frequencies: int = quantity(
+        "number of whirl frequencies", "", 31, at_least=2, at_most=10_000, because="a range has two ends"
+    )
+    ring: Literal["mean", "undeformed"] = choice(
+        "`mean`: rings at rest in their mean position; `undeformed`: the passive machine", "mean"
+    )
+
+    @field_validator("speed_range")
+    @classmethod
+    def _range(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        return None if value is None else positive_range(value, "the film carries by rotation")
+
+    @field_validator("frequency_range")
+    @classmethod
+    def _frequencies(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is not None and not 0.0 <= value[0] < value[1]:
+            raise InconsistentError("must rise from 0 or a positive frequency")
+        return value
+
+
 class Criticals(Table):
     """Critical speeds, Campbell diagram and the table of parametric resonances."""
 

@@ -175,6 +175,7 @@ def _unforced(case: Case) -> bool:
 STAGE_TABLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "linearize": ("linearize",),
+        "coefficients": ("coefficients", "linearize"),  # whose speed_range is the default
         "criticals": ("criticals",),
         "unbalance_response": ("unbalance_response",),
         "continue_cycles": ("continue_cycles", "linearize"),  # a whirl is sought along linearize.speed_range

@@ -1,4 +1,4 @@
-"""Export stores to comma-separated tables, netCDF and MATLAB files.
+"""Export stores to comma-separated tables, netCDF and MATLAB files, and bearings of ROSS.
 
 Only committed rows are exported.  Arrays with more than `WIDEST` numbers a row (states, orbits, film
 snapshots) are left out unless all are asked for.
@@ -18,11 +18,13 @@ from typing import Any
 
 import numpy as np
 
+from pipelines.datasets import coefficient_tables
+from pipelines.datasets.coefficient_tables import BearingTable, bearing_table, long_table, ross_bearing
 from pipelines.datasets.durable import replace_file
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS, Array, ArraySpec
-from pipelines.datasets.store import Store, local_name
+from pipelines.datasets.store import Store, case_group, local_name
 
 WIDEST = 64
 _OF_THE_STORE = ("dimensions", "arrays", "attributes_crc32c")  # and the first is a name in netCDF itself
@@ -40,11 +42,14 @@ class PlannedFile:
 def planned_files(store: Store, case: str, folder: Path, kind: str, full: bool) -> list[PlannedFile]:
     """The files of a case: tables (``csv``), or one file for every group (``netcdf``) or case (``mat``).
 
-    A table for every group and leading dimension. Reads metadata only; raises StoreError.
+    A table for every group and leading dimension, and one for the coefficients of each bearing; of ``ross``
+    these alone, as bearings of ROSS. Reads metadata only; raises StoreError.
     """
     if kind == "mat":
         return [PlannedFile(folder / f"{case}.mat", partial(_mat, store, case, full))]
-    files = []
+    files = _coefficient_files(store, case, folder, kind) if kind in ("csv", "ross") else []
+    if kind == "ross":
+        return files
     for name in list_groups(store, case):
         stem = f"{case}-{name.split('/', 2)[2].replace('/', '-')}"
         chosen = _chosen(store, name, full)
@@ -57,6 +62,26 @@ def planned_files(store: Store, case: str, folder: Path, kind: str, full: bool) 
             content = partial(_csv, store, name, names)
             files.append(PlannedFile(folder / f"{stem}-{dimension}.csv", content))
     return files
+
+
+def _coefficient_files(store: Store, case: str, folder: Path, kind: str) -> list[PlannedFile]:
+    """The stiffness and damping of each bearing, as long tables or as bearings of ROSS."""
+    name = case_group(case, coefficient_tables.KIND)
+    if not store.has_group(name):
+        return []
+    bearings = read_group(store, name, ()).attributes["dimensions"]["bearing"]
+    write, ending = {"csv": (long_table, ".csv"), "ross": (ross_bearing, "-ross.toml")}[kind]
+    return [
+        PlannedFile(
+            folder / f"{case}-{coefficient_tables.KIND}-bearing_{bearing + 1}{ending}",
+            partial(_coefficients, write, store, name, bearing),
+        )
+        for bearing in range(bearings)
+    ]
+
+
+def _coefficients(write: Callable[[BearingTable], bytes], store: Store, name: str, bearing: int) -> bytes:
+    return write(bearing_table(store, name, bearing))
 
 
 def write_files(files: Sequence[PlannedFile]) -> list[Path]:

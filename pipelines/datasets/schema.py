@@ -233,6 +233,40 @@ LINEAR = GroupSpec(
     row="speed",
 )
 
+COEFFICIENTS = GroupSpec(
+    "coefficients",
+    "Stiffness and damping of the bearings over rotating speed and whirl frequency",
+    (
+        _real("speed", "speed", "rotating speed, dimensionless"),
+        _real("speed_rpm", "speed", "rotating speed", "rpm"),
+        _real("frequency", "frequency", "whirl frequency, dimensionless"),
+        _real("frequency_hertz", "frequency", "whirl frequency", "Hz"),
+        _real(
+            "state",
+            "speed component",
+            "equilibrium state: pressures and foil displacements of both bearings, rotor",
+        ),
+        _real("journal", "speed bearing axis", f"journal centre (x, y) {OWN}"),
+        _real(
+            "stiffness",
+            "speed frequency bearing row column",
+            "stiffness K of film and foil over p0 R L / c of the bearing itself",
+        ),
+        _real(
+            "damping",
+            "speed frequency bearing row column",
+            "damping C of film and foil over p0 R L t0 / c, R, L and c of the bearing itself, t0 of the "
+            "first one",
+        ),
+        _real("stiffness_unit", "bearing", "p0 R L / c of the bearing", "N/m"),
+        _real("damping_unit", "bearing", "p0 R L t0 / c of the bearing", "N s/m"),
+        _count("bearing_node", "bearing", "node of the bearing"),
+        _count("newton_iterations", "speed", "Newton iterations of the equilibrium"),
+        _real("newton_residual", "speed", "norm of the right-hand side at the equilibrium"),
+    ),
+    row="speed",
+)
+
 CRITICALS = GroupSpec(
     "criticals",
     "Critical speeds, Campbell data, predicted resonances, and the full against the condensed rotor",
@@ -906,6 +940,7 @@ KINDS: Mapping[str, GroupSpec] = {
     for group in (
         MACHINE,
         LINEAR,
+        COEFFICIENTS,
         CRITICALS,
         UNBALANCE_RESPONSE,
         CYCLES,

@@ -6,7 +6,7 @@
 - parameter_columns: parameters of a solution as columns, and back
 - step_errors: points whose time-step error is unknown
 - ending: the reason why a branch or curve ended, and whether it is a success
-- linear: `agfb linearize`, `agfb criticals` and `agfb unbalance-response`
+- linear: `agfb linearize`, `coefficients`, `criticals` and `unbalance-response`
 - cycles: `agfb continue-cycles`: branches of cycles
 - curves: `agfb track-pd`, `track-ns`, `track-folds`, and the search of `agfb run` for the whole set
 - survey: `agfb survey`: stability over a grid of the plane

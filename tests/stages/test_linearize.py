@@ -11,14 +11,14 @@ import pytest
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
-from pipelines.datasets.store import OtherConfigurationError, open_for_reading
+from pipelines.datasets.store import open_for_reading
 from pipelines.datasets.watching import watch
 from pipelines.machine import film
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import Equilibrium, at_rest
 from pipelines.orbits.equilibria.linear import Instability, at_speed, linear_point
 from pipelines.stages.linear import linearize as stage
-from pipelines.stages.linear.linearize import reference_parameters
+from pipelines.stages.linear.along_speed import reference_parameters
 from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
@@ -110,7 +110,7 @@ def test_a_machine_that_is_never_stable_says_so(tmp_path: Path) -> None:
 
 def test_undeformed_rings_are_those_of_the_passive_machine(tmp_path: Path) -> None:
     case = tiny_case("linearize.ring=undeformed", "linearize.points=2")
-    assert reference_parameters(case.case)[film.DISPLACEMENT] == 0.0
+    assert reference_parameters(case.case, "undeformed")[film.DISPLACEMENT] == 0.0
     Watched("linearize", case, tmp_path / "a.zarr")
     passive = tiny_case("linearize.points=2", "excitation.displacement=0.0", stages=("linearize",))
     Watched("linearize", passive, tmp_path / "b.zarr")
@@ -136,10 +136,14 @@ def test_resuming_gives_the_same_bytes(tmp_path: Path, stops: list[int]) -> None
     assert again.result == resumed.result
 
 
-def test_another_request_is_refused(tmp_path: Path) -> None:
-    Watched("linearize", tiny_case(), tmp_path / "a.zarr")
-    with pytest.raises(OtherConfigurationError, match="points"):
-        Watched("linearize", tiny_case("linearize.points=8"), tmp_path / "a.zarr")
+def test_another_request_is_computed_again(tmp_path: Path) -> None:
+    """Also one of which rows are left: a speed costs less than a second."""
+    Watched("linearize", tiny_case(), tmp_path / "a.zarr", stop_after=3)
+    wider = tiny_case("linearize.points=4", "linearize.speed_range=[0.6, 1.2]")
+    assert Watched("linearize", wider, tmp_path / "a.zarr").finished == 4
+    assert linear(tmp_path / "a.zarr")["speed"].tolist() == np.linspace(0.6, 1.2, 4).tolist()
+    Watched("linearize", wider, tmp_path / "b.zarr")
+    assert compare_trees(tmp_path / "a.zarr" / "cases", tmp_path / "b.zarr" / "cases") == []
 
 
 def test_no_equilibrium_is_a_result(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from scipy.interpolate import interp1d
 from scipy.optimize import brentq
 
 from pipelines.machine.bearing import Bearing, FilmSettings, FilmState, film_state, pack_bearing
+from pipelines.orbits.equilibria.bearing_coefficients import stiffness_and_damping
 from pipelines.orbits.equilibria.equilibrium import film_equilibrium
 from pipelines.orbits.equilibria.linear import dynamic_stiffness
 
@@ -64,6 +65,18 @@ class Film:
         exponents = 1j * self.speed * np.asarray(whirl_ratios)
         return dynamic_stiffness(
             self.bearing, self.steady(position), np.array(position), self.parameters, exponents
+        )
+
+    def coefficients(
+        self, position: tuple[float, float], whirl_ratios: Sequence[float]
+    ) -> tuple[Array, Array]:
+        """K and C at the whirl ratios, shapes (ratios, 2, 2)."""
+        return stiffness_and_damping(
+            self.bearing,
+            self.steady(position),
+            np.array(position),
+            self.parameters,
+            self.speed * np.asarray(whirl_ratios, dtype=np.float64),
         )
 
 

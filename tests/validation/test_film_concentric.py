@@ -55,6 +55,21 @@ def test_default_grid_matches_dynamic_stiffness() -> None:
         np.testing.assert_allclose(computed[1], [-computed[0, 1], computed[0, 0]], rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("row", reference_table("concentric_dynamic_stiffness")[::5])
+def test_stiffness_and_damping_of_slow_whirl(row: dict[str, str]) -> None:
+    """K(0) = Z(0) and C(0) = Z'(0) of the closed form, its derivative by central differences."""
+    arguments = [float(row[name]) for name in ("L_over_D", "Lambda", "kf_bar", "eta")]
+    slenderness, speed, foil, loss = arguments
+    case = film((160, 4), slenderness=slenderness, speed=speed, foil_stiffness=foil, loss_factor=loss)
+    stiffness, damping = (each[0] for each in case.coefficients((0.0, 0.0), [0.0]))
+    step = 1e-4
+    low, static, high = (
+        concentric_stiffness(slenderness, speed, sigma, foil, loss) for sigma in (-step, 0.0, step)
+    )
+    assert relative(stiffness, static.real) <= 1e-3
+    assert relative(damping, (high - low).real / (2.0 * step)) <= 1e-3
+
+
 def dynamic_stiffness_error(
     grid: tuple[int, int], scheme: str = "central", axial: str = "chebyshev"
 ) -> float:

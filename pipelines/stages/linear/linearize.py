@@ -18,17 +18,18 @@ from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
 from pipelines.datasets.store import case_group, open_for_writing
 from pipelines.machine import film
-from pipelines.machine.assembly import Machine, build_machine, parameter_vector
+from pipelines.machine.assembly import Machine, build_machine
+from pipelines.orbits.equilibria.bearing_coefficients import machine_coefficients
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, Equilibrium, at_rest, equilibrium_along
 from pipelines.orbits.equilibria.linear import (
     Instability,
     at_speed,
-    dynamic_stiffness,
     linear_point,
     linearised,
     locate_instability,
 )
 from pipelines.stages.linear import missing_speeds
+from pipelines.stages.linear.along_speed import last_state, missing_entries, reference_parameters
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
 
 HIDDEN = "the instability lies at speeds without equilibrium"
@@ -37,27 +38,30 @@ HIDDEN = "the instability lies at speeds without equilibrium"
 def linearize(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill the group ``linear`` of a case, speed by speed from the lowest; resumes after the last speed."""
     store = open_for_writing(store_path)
-    machine, parameters = build_machine(named.case), reference_parameters(named.case)
+    machine, parameters = (
+        build_machine(named.case),
+        reference_parameters(named.case, named.case.linearize.ring),
+    )
     table = named.case.linearize
     speeds = np.linspace(*table.speed_range, table.points)
     group = case_group(named.case_id, "linear")
     with open_branch(
         store, group, "linear", _sizes(machine, named.case), {"whirl_ratio": np.array(table.whirl_ratios)},
-        {"request": table.model_dump(mode="json")},
+        {"request": table.model_dump(mode="json")}, renew=True,
     ) as branch:  # fmt: skip
         if branch.status != ENDED:
             reasons: dict[int, str] = {}
             for index in range(branch.n_points, table.points):
                 if should_stop():
                     return StageResult(named.case_id, True, "stopped on request")
-                equilibrium = equilibrium_along(machine, parameters, speeds, index, _last_state(branch))
+                equilibrium = equilibrium_along(machine, parameters, speeds, index, last_state(branch))
                 reasons[index] = equilibrium.reason
                 at = at_speed(parameters, float(speeds[index]))
                 branch.commit(_row(machine, at, named.case, equilibrium))
                 message = f"speed {speeds[index]:.4g}"
                 report(Progress("linearize", named.case_id, index + 1, table.points, message))
             rows = read_group(store, group, ("speed", "state", "eigenvalues")).arrays
-            missing = _missing(machine, parameters, rows, reasons)
+            missing = missing_entries(machine, parameters, rows, reasons)
             _finish(
                 branch,
                 missing,
@@ -65,29 +69,6 @@ def linearize(named: NamedCase, store_path: Path, report: Report, should_stop: S
             )
     attributes = read_group(store, group, ()).attributes
     return _result(named.case_id, attributes)
-
-
-def reference_parameters(case: Case) -> Array:
-    """The case's parameters; with undeformed rings if the passive machine is to be linearised."""
-    parameters = parameter_vector(case)
-    if case.linearize.ring == "undeformed":
-        parameters[film.DISPLACEMENT] = 0.0
-    return parameters
-
-
-def _missing(
-    machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]], known: Mapping[int, str]
-) -> list[str]:
-    """The report on speeds without equilibrium; reasons that are not ``known`` are recomputed."""
-    speeds, states = rows["speed"], rows["state"]
-    missing = []
-    for index in np.flatnonzero(~np.isfinite(states).all(axis=1)):
-        reason = known.get(int(index))
-        if reason is None:
-            guess = states[index - 1] if index > 0 and np.isfinite(states[index - 1]).all() else None
-            reason = equilibrium_along(machine, parameters, speeds, int(index), guess).reason
-        missing.append(missing_speeds.entry(float(speeds[index]), reason))
-    return missing
 
 
 def _finish(branch: BranchWriter, missing: list[str], instability: dict[str, Any]) -> None:
@@ -115,18 +96,10 @@ def _sizes(machine: Machine, case: Case) -> dict[str, int]:
     }
 
 
-def _last_state(branch: BranchWriter) -> Array | None:
-    """The equilibrium at the previous speed, from which the next one is searched."""
-    newest = branch.resume_row()
-    if newest is None or not np.all(np.isfinite(newest.row["state"])):
-        return None
-    return np.asarray(newest.row["state"])
-
-
 def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibrium) -> dict[str, Any]:
     """One row of the group; a speed without equilibrium stores its residual and NaN otherwise."""
     table, bearings = case.linearize, len(machine.bearings)
-    coefficients = np.full((len(table.whirl_ratios), bearings, 2, 2), complex(np.nan, np.nan))
+    stiffness = damping = np.full((len(table.whirl_ratios), bearings, 2, 2), np.nan)
     row: dict[str, Any] = {
         "speed": parameters[film.SPEED],
         "state": np.full(machine.size, np.nan),
@@ -148,15 +121,9 @@ def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibri
             "eigenvalues": point.eigenpairs.values,
             "eigenvalue_residual": point.eigenpairs.residuals,
         }
-        frequencies = np.array(table.whirl_ratios) * parameters[film.SPEED]
-        for index, bearing in enumerate(machine.bearings):
-            own = state[machine.film_unknowns(index)]
-            # Z(i omega) = K + i omega C
-            complex_stiffness = dynamic_stiffness(bearing, own, journals[index], parameters, 1j * frequencies)
-            coefficients[:, index] = (
-                complex_stiffness.real + 1j * complex_stiffness.imag / frequencies[:, None, None]
-            )
-    return row | {"bearing_stiffness": coefficients.real, "bearing_damping": coefficients.imag}
+        whirl = np.array(table.whirl_ratios) * parameters[film.SPEED]
+        stiffness, damping = machine_coefficients(machine, parameters, state, whirl)
+    return row | {"bearing_stiffness": stiffness, "bearing_damping": damping}
 
 
 def _instability(machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]]) -> dict[str, Any]:

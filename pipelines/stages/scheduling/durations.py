@@ -20,6 +20,7 @@ from pipelines.case.survey_settings import survey_axes
 from pipelines.case.torus_settings import FEWEST_ANGLES
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
+from pipelines.orbits.equilibria.bearing_coefficients import machine_coefficients
 from pipelines.orbits.equilibria.campbell import campbell_diagram
 from pipelines.orbits.equilibria.equilibrium import Equilibrium, machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed, linear_point
@@ -27,7 +28,7 @@ from pipelines.orbits.shooting import CycleProblem, NewtonStop, Unknowns, first_
 from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.orbits.time_steps import MOST_STEPS, first_steps, required_steps_at, steps_stable_at
 from pipelines.stages.cycles.problem import INITIAL_COLUMNS, cycle_problem
-from pipelines.stages.linear.linearize import reference_parameters
+from pipelines.stages.linear.along_speed import reference_parameters
 from pipelines.stages.refinement.levels import case_on, grid_family
 
 PASSES_PER_CYCLE = 12  # corrections, tangents and multipliers, and locating what lies between two points
@@ -52,6 +53,11 @@ class Durations:
     def of_equilibrium(self, case: Case) -> float | None:
         """One speed of `agfb linearize`."""
         return self._once(case, _equilibrium)
+
+    def of_coefficients(self, case: Case) -> float | None:
+        """One speed of `agfb coefficients`."""
+        once = self._once(case, _whirl_frequency)
+        return None if once is None else case.coefficients.frequencies * once
 
     def of_campbell_speed(self, case: Case) -> float | None:
         """One speed of `agfb criticals`, its part of the unbalance response included."""
@@ -95,7 +101,8 @@ class Durations:
 
 def _equilibrium(machine: Machine, case: Case) -> float | None:
     """Time of two speeds at the upper end of the range; the first one also loads the kernels."""
-    parameters, table = reference_parameters(case), case.linearize
+    table = case.linearize
+    parameters = reference_parameters(case, table.ring)
     high = table.speed_range[1]
     first = linear_point(machine, at_speed(parameters, high), table.eigenvalues)
     if isinstance(first, Equilibrium):
@@ -103,6 +110,20 @@ def _equilibrium(machine: Machine, case: Case) -> float | None:
     begin = time.perf_counter()
     linear_point(machine, at_speed(parameters, 0.97 * high), table.eigenvalues, first.equilibrium.state)
     return time.perf_counter() - begin
+
+
+def _whirl_frequency(machine: Machine, case: Case) -> float | None:
+    """Time of the coefficients at one whirl frequency; the first call may load kernels."""
+    parameters = reference_parameters(case, case.coefficients.ring)
+    equilibrium = machine_equilibrium(machine, parameters)
+    if not equilibrium.converged:
+        return None
+    spent = math.inf
+    for _ in range(_TRIALS):
+        begin = time.perf_counter()
+        machine_coefficients(machine, parameters, equilibrium.state, parameters[film.SPEED : film.SPEED + 1])
+        spent = min(spent, time.perf_counter() - begin)
+    return spent
 
 
 def _campbell_speed(machine: Machine, case: Case) -> float | None:

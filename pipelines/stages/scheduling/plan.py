@@ -25,7 +25,7 @@ from pipelines.stages.curves import bifurcation_set, track_curves
 from pipelines.stages.cycles import continue_cycles
 from pipelines.stages.cycles.branch import NOT_ASKED, WANTING_POINTS
 from pipelines.stages.ending import stop_reasons
-from pipelines.stages.linear import criticals, missing_speeds, unbalance_response
+from pipelines.stages.linear import coefficients, criticals, missing_speeds, unbalance_response
 from pipelines.stages.refinement import refine
 from pipelines.stages.refinement.points import stored_points
 from pipelines.stages.scheduling.durations import Durations
@@ -109,6 +109,10 @@ class _Extent:
     duration: Callable[[Durations, Case], float | None]
     """Seconds of one point; None where there is no equilibrium to measure at."""
     free: frozenset[str] = frozenset()
+    request_of: Callable[[Case], Attributes] | None = None
+    """What a group was asked for, where that is more than its table."""
+    renewed: bool = False
+    """Whether a group with other settings is computed again."""
     out_of_points: str = WANTING_POINTS
     """The reason to stop that a larger value of the key ``limit`` lifts."""
     limit: str = "max_points"
@@ -221,6 +225,16 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             table="linearize",
             duration=Durations.of_equilibrium,
             most=lambda case: case.linearize.points,
+            renewed=True,
+        ),
+        "coefficients": _Extent(
+            groups=(coefficients.GROUP,),
+            success=missing_speeds.SUCCESSFUL,
+            table="coefficients",
+            duration=Durations.of_coefficients,
+            most=lambda case: case.coefficients.points,
+            request_of=coefficients.request_of,
+            renewed=True,
         ),
         "criticals": _Extent(
             groups=("criticals",),
@@ -307,6 +321,8 @@ def _found(stage: str, named: NamedCase, store: Store | None) -> Planned:
     own = {name: attributes for name, attributes in groups.items() if name.startswith(extent.groups)}
     points = sum(int(attributes.get("n_points", 0)) for attributes in own.values())
     there = _state(own.values(), extent, case)
+    if there is StageStatus.DIFFERENT_SETTINGS and extent.renewed:
+        there, points = StageStatus.NOTHING, 0
     found = Planned(named.case_id, stage, there, points, extent.most(case), None, extent.decided_by)
     return extent.adjusted(found, _Here(case, named.case_id, store, groups, own))
 
@@ -321,6 +337,8 @@ def _groups(store: Store | None, case_id: str) -> dict[str, Attributes]:
 def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> StageStatus:
     table = getattr(case, extent.table)
     asked = table.model_dump(mode="json", exclude=set(extent.free))
+    if extent.request_of is not None:
+        asked = extent.request_of(case)
     same = [(attributes, attributes.get("request", asked) == asked) for attributes in groups]
     # what was asked for otherwise and has no rows is made anew
     found = [attributes for attributes, is_same in same if is_same or attributes.get("n_points", 1)]
