@@ -138,6 +138,11 @@ class Scales:
         """Scale of rotor damping, force t0/c [N s/m]."""
         return self.force * self.time / self.displacement
 
+    def bearing_stiffness(self, bearing: int) -> float:
+        """Scale of stiffness p0 R L/c of a bearing itself [N/m]; times t0 it is that of its damping."""
+        own = self.bearings[bearing]
+        return own.force / (own.clearance_ratio * self.displacement)
+
     @property
     def speed_rpm_per_unit(self) -> float:
         """Rotating speed in rpm at Omega_bar = 1."""

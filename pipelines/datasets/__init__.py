@@ -8,6 +8,6 @@
 - provenance, failures: where a store comes from; which stages failed
 - integrity, comparison, watching: check a store; compare two stores; watch a store from another
   process
-- exporting, coefficient_tables, case_table: files for other programs; one row for each case
+- exporting, coefficient_tables, mode_tables, case_table: files for other programs; one row for each case
 - errors: what can be wrong with a store
 """

@@ -71,8 +71,9 @@ def open_branch(
     ``sizes`` gives the capacity along the kind's row dimension and the sizes of all other dimensions; arrays
     with a dimension that has no size are left out. ``static`` holds the arrays that are written once. On
     resuming, a larger capacity enlarges the branch; other sizes and ``attributes`` must be those of the
-    store. Where they are not, a branch without rows is made anew, and with ``renew`` any branch. Raises LockedStoreError, OtherConfigurationError,
-    CorruptedError, ForeignStoreError, OSError, and ValueError for data outside the schema.
+    store. Where they are not, a branch without rows is made anew, and with ``renew`` any branch. Raises
+    LockedStoreError, OtherConfigurationError, CorruptedError, ForeignStoreError, OSError, and ValueError for
+    data outside the schema.
     """
     given = dict(attributes or {})
     if taken := RESERVED & set(given):
@@ -416,6 +417,8 @@ def _adopt(
         before, now = _unlike(metadata.attributes.get(key), value)
         if before != now:
             differing.append(f"{key} is {before!r} in the store and {now!r} now")
+    if renew and set(metadata.arrays) != set(layout(kind, sizes)):
+        return False  # written by a version that stored less
     if differing and (renew or not (metadata.attributes["n_points"] or metadata.attributes["n_events"])):
         return False
     if differing:

@@ -96,8 +96,8 @@ def ross_bearing(table: BearingTable) -> bytes:
     """
     lines = [
         _MEANING,
-        f"# bearing {table.number} of case {table.case}; for ROSS 3 (ross.BearingElement.load): kxx[i][j] [N/m] "
-        "and cxx[i][j] [N s/m] at speed[i] and frequency[j] [rad/s]",
+        f"# bearing {table.number} of case {table.case}; for ROSS 3 (ross.BearingElement.load): "
+        "kxx[i][j] [N/m] and cxx[i][j] [N s/m] at speed[i] and frequency[j] [rad/s]",
         f'["BearingElement_bearing {table.number}"]',
         f"n = {table.node}",
         f'tag = "bearing {table.number}"',

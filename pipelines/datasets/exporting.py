@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.datasets import coefficient_tables
+from pipelines.datasets import coefficient_tables, mode_tables
 from pipelines.datasets.coefficient_tables import BearingTable, bearing_table, long_table, ross_bearing
 from pipelines.datasets.durable import replace_file
+from pipelines.datasets.mode_tables import mode_table
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS, Array, ArraySpec
@@ -42,8 +43,9 @@ class PlannedFile:
 def planned_files(store: Store, case: str, folder: Path, kind: str, full: bool) -> list[PlannedFile]:
     """The files of a case: tables (``csv``), or one file for every group (``netcdf``) or case (``mat``).
 
-    A table for every group and leading dimension, and one for the coefficients of each bearing; of ``ross``
-    these alone, as bearings of ROSS. Reads metadata only; raises StoreError.
+    A table for every group and leading dimension, and one for the modes over the speed and for the
+    coefficients of each bearing; of ``ross`` these alone, as bearings of ROSS. Reads metadata only; raises
+    StoreError.
     """
     if kind == "mat":
         return [PlannedFile(folder / f"{case}.mat", partial(_mat, store, case, full))]
@@ -53,6 +55,12 @@ def planned_files(store: Store, case: str, folder: Path, kind: str, full: bool) 
     for name in list_groups(store, case):
         stem = f"{case}-{name.split('/', 2)[2].replace('/', '-')}"
         chosen = _chosen(store, name, full)
+        if (
+            kind == "csv"
+            and local_name(name) in mode_tables.KINDS
+            and mode_tables.NEEDED in {spec.name for spec in chosen}
+        ):
+            files.append(PlannedFile(folder / f"{stem}-modes.csv", partial(mode_table, store, name)))
         if kind == "netcdf":
             content = partial(_netcdf, store, name, [spec.name for spec in chosen])
             files.append(PlannedFile(folder / f"{stem}.nc", content))

@@ -103,8 +103,8 @@ def _count(name: str, dimensions: str, long_name: str) -> ArraySpec:
     return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "int32")
 
 
-def _flag(name: str, dimensions: str, long_name: str, *meanings: str) -> ArraySpec:
-    return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "int8", meanings)
+def _flag(name: str, dimensions: str, long_name: str, *meanings: str, padded: bool = False) -> ArraySpec:
+    return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "int8", meanings, padded)
 
 
 # Films are measured by their own bearing; the rotor, and all times, by the first one.
@@ -146,6 +146,19 @@ def _extremes(over: str) -> tuple[ArraySpec, ...]:
         _real("orbit_maximum", "point coordinate", f"largest value over {over}, {ROTOR}"),
         _real("minimum_pressure", "point bearing", f"smallest film pressure over {over}, over ambient"),
         _real("minimum_film", "point bearing", f"smallest film thickness over {over}, {OWN}"),
+    )
+
+
+def _damping_of(dimensions: str) -> tuple[ArraySpec, ...]:
+    """How fast oscillations along some dimensions die out."""
+    return (
+        _real(
+            "logarithmic_decrement",
+            dimensions,
+            "logarithmic decrement -2 pi Re lambda / Im lambda; negative: unstable",
+            padded=True,
+        ),
+        _real("damping_ratio", dimensions, "damping ratio -Re lambda / |lambda|", padded=True),
     )
 
 
@@ -216,6 +229,16 @@ LINEAR = GroupSpec(
             "eigenvalues", "speed eigenvalue", "leading eigenvalues of the linearised system", padded=True
         ),
         _real("eigenvalue_residual", "speed eigenvalue", "norm of J v - lambda v for unit v", padded=True),
+        *_damping_of("speed eigenvalue"),
+        _flag(
+            "direction",
+            "speed eigenvalue",
+            "whirl direction of the eigenvector; unset where it does not oscillate",
+            "backward",
+            "forward",
+            "mixed",
+            padded=True,
+        ),
         _real("whirl_ratio", "whirl_ratio", "whirl frequency over rotating speed"),
         _real(
             "bearing_stiffness",
@@ -231,6 +254,38 @@ LINEAR = GroupSpec(
         _real("newton_residual", "speed", "norm of the right-hand side at the equilibrium"),
     ),
     row="speed",
+)
+
+OPERATING_POINT = GroupSpec(
+    "operating_point",
+    "The machine at its operating speed: static deflection, bearings and modes",
+    (
+        _real(
+            "deflection",
+            "node axis",
+            "static displacement (x, y) of the shaft nodes from the line of the bearings' centres",
+            "m",
+        ),
+        _count("bearing_node", "bearing", "node of the bearing"),
+        _real("reaction", "bearing axis", "force (x, y) of the film on the rotor", "N"),
+        _real("journal", "bearing axis", f"journal centre (x, y) {OWN}"),
+        _real("eccentricity", "bearing", f"distance of the journal centre from that of the bearing, {OWN}"),
+        _real(
+            "attitude_angle",
+            "bearing",
+            "angle from the load to the journal centre, positive in the direction of rotation",
+            "rad",
+        ),
+        _real("minimum_film", "bearing", "smallest film thickness", "m"),
+        _real("stiffness", "bearing row column", "stiffness of film and foil for synchronous whirl", "N/m"),
+        _real("damping", "bearing row column", "damping of film and foil for synchronous whirl", "N s/m"),
+        _complex("eigenvalue", "mode", "eigenvalue of the mode, dimensionless"),
+        _real("frequency_hertz", "mode", "frequency Im lambda", "Hz"),
+        _real("frequency_rpm", "mode", "frequency Im lambda", "rpm"),
+        *_damping_of("mode"),
+        _flag("direction", "mode", "whirl direction", "backward", "forward", "mixed"),
+        _complex("mode_shape", "mode node axis", "mode shape (x, y) at all shaft nodes, largest component 1"),
+    ),
 )
 
 COEFFICIENTS = GroupSpec(
@@ -273,7 +328,7 @@ CRITICALS = GroupSpec(
     (
         _real("speed", "speed", "rotating speed, dimensionless"),
         _real("frequency", "speed mode", "whirl frequency Im lambda", padded=True),
-        _real("damping_ratio", "speed mode", "damping ratio -Re lambda / |lambda|", padded=True),
+        *_damping_of("speed mode"),
         _flag("direction", "speed mode", "whirl direction", "backward", "forward", "mixed"),
         _real("critical_speed", "critical", "speed at which Im lambda equals the rotating speed"),
         _real("critical_damping_ratio", "critical", "damping ratio at the critical speed"),
@@ -940,6 +995,7 @@ KINDS: Mapping[str, GroupSpec] = {
     for group in (
         MACHINE,
         LINEAR,
+        OPERATING_POINT,
         COEFFICIENTS,
         CRITICALS,
         UNBALANCE_RESPONSE,

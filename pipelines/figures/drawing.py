@@ -25,11 +25,13 @@ from pipelines.figures.bifurcation_tree import draw_bifurcation_tree
 from pipelines.figures.bode import draw_bode
 from pipelines.figures.campbell import draw_campbell
 from pipelines.figures.case_tables import RUNS, CaseTables, Notify, kind_of, read_case
+from pipelines.figures.coefficients import draw_coefficients
 from pipelines.figures.condensation import draw_condensation
 from pipelines.figures.contents import CaseView, FigurePlan, MissingDataError, Table, excitation_periods
 from pipelines.figures.linearization import draw_linearization
 from pipelines.figures.machine_drawing import draw_machine
 from pipelines.figures.multipliers import draw_multipliers
+from pipelines.figures.operating_point import draw_operating_point
 from pipelines.figures.orbits import draw_film, draw_orbits
 from pipelines.figures.response_envelope import draw_envelope, draw_unbalance
 from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_spectrum, draw_waterfall
@@ -45,6 +47,8 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
     {
         "machine": "machine",
         "linearization": "linear",
+        "operating-point": "operating_point",
+        "coefficients": "coefficients",
         "campbell": "criticals",
         "condensation": "criticals",
         "bode": "unbalance_response",
@@ -251,6 +255,10 @@ def _single_plans(view: CaseView, kind: str, groups: Mapping[str, Table]) -> lis
             FigurePlan("campbell", "campbell", partial(draw_campbell, view, table)),
             FigurePlan("condensation", "condensation", partial(draw_condensation, view, table)),
         ]
+    if kind == "operating_point":
+        return [FigurePlan("operating-point", "operating-point", partial(draw_operating_point, view, table))]
+    if kind == "coefficients":
+        return [FigurePlan("coefficients", "coefficients", partial(draw_coefficients, view, table))]
     if kind == "unbalance_response":
         return [FigurePlan("bode", "bode", partial(draw_bode, view, table, groups.get("linear")))]
     if kind == "linear":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -35,7 +35,8 @@ class StageResult:
     `ok` is False when the case could not be computed as asked; `stop_reason` then names why and `advice` is
     a sentence that tells the user what to change. `caution` says of a result that was computed how far it is
     not to be trusted, and what to do about it. `summary` holds the few numbers worth a line on the
-    terminal (plain scalars only; NaN is not allowed, None stands for a missing number). `failed_by` tells a
+    terminal (plain scalars only; NaN is not allowed, None stands for a missing number), `tables` rows of
+    such numbers by title. `failed_by` tells a
     case that cannot be computed from a store that cannot be read and from an error of this program, whose
     `traceback` is kept. The scheduling fills in these, and the `seconds` that the stage took.
     """
@@ -49,6 +50,7 @@ class StageResult:
     traceback: str = ""
     seconds: float = 0.0
     caution: str = ""
+    tables: Mapping[str, Sequence[Mapping[str, Scalar]]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """The result as plain dictionaries and scalars, for JSON and other processes."""

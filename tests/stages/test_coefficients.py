@@ -12,7 +12,7 @@ from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine, parameter_vector
-from pipelines.machine.bearing import film_state
+from pipelines.machine.bearing import Bearing, film_state
 from pipelines.orbits.equilibria.equilibrium import at_rest, film_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed, dynamic_stiffness
 from pipelines.stages.linear.coefficients import request_of
@@ -54,21 +54,23 @@ def test_at_rest_stiffness_is_the_derivative_of_the_static_force(store: Path) ->
     for index in (0, 3):
         still = at_rest(at_speed(parameter_vector(tiny_case().case), float(group["speed"][index])))
         for number, bearing in enumerate(machine.bearings):
-            journal = group["journal"][index, number]
-
-            def force(position: np.ndarray) -> np.ndarray:
-                steady = film_equilibrium(bearing, position, still)
-                assert steady.converged
-                return film_state(bearing, steady.state, np.append(position, [0.0, 0.0]), 0.0, still).force
-
-            def static(h: float) -> np.ndarray:
-                differences = [force(journal + d) - force(journal - d) for d in h * np.eye(2)]
-                return -np.column_stack(differences) / (2 * h)
-
-            stiffness = group["stiffness"][index, 0, number]
-            errors = [np.max(np.abs(static(h) - stiffness)) for h in (2e-3, 1e-3)]
+            journal, stiffness = group["journal"][index, number], group["stiffness"][index, 0, number]
+            static = [static_stiffness(bearing, journal, still, h) for h in (2e-3, 1e-3)]
+            errors = [np.max(np.abs(each - stiffness)) for each in static]
             assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
             assert errors[1] < 1e-4 * np.max(np.abs(stiffness))
+
+
+def static_stiffness(bearing: Bearing, journal: np.ndarray, still: np.ndarray, h: float) -> np.ndarray:
+    """-dF/dX of the steady film by central differences."""
+
+    def force(position: np.ndarray) -> np.ndarray:
+        steady = film_equilibrium(bearing, position, still)
+        assert steady.converged
+        return film_state(bearing, steady.state, np.append(position, [0.0, 0.0]), 0.0, still).force
+
+    differences = [force(journal + d) - force(journal - d) for d in h * np.eye(2)]
+    return -np.column_stack(differences) / (2 * h)
 
 
 def test_they_are_the_dynamic_stiffness(store: Path) -> None:

@@ -227,3 +227,28 @@ def test_what_is_unstable_from_the_start_is_told_beside_a_later_instability(
     found = instability(monkeypatch, 0.1, -0.1, 0.2)
     assert (found["instability_speed"], found["unstable_from_start"]) == (1.5, True)
     assert "unstable_from_start" not in instability(monkeypatch, -0.1, -0.2, 0.2)
+
+
+def test_decrements_and_directions_of_every_eigenvalue(tmp_path: Path) -> None:
+    """The direction from the area that the nodes' ellipses enclose, computed from the dense eigenvectors."""
+    from pipelines.machine.rotor_modes import whirl_directions
+    from pipelines.orbits.equilibria.modes import node_shapes
+
+    case = tiny_case("linearize.points=2")
+    Watched("linearize", case, tmp_path / "a.zarr")
+    group, machine = linear(tmp_path / "a.zarr"), build_machine(case.case)
+    still = at_rest(at_speed(parameter_vector(case.case), float(group["speed"][1])))
+    values, vectors = np.linalg.eig(machine.jacobian(0.0, group["state"][1], still).toarray())
+    names = {1: "forward", -1: "backward", 0: "mixed"}
+    for index, eigenvalue in enumerate(group["eigenvalues"][1]):
+        decrement, direction = group["logarithmic_decrement"][1, index], group.labels("direction")[1, index]
+        if abs(eigenvalue.imag) < 1e-9:
+            assert (np.isnan(decrement), direction) == (True, "unset")
+            continue
+        assert decrement == pytest.approx(-2.0 * np.pi * eigenvalue.real / eigenvalue.imag, rel=1e-12)
+        ratio = group["damping_ratio"][1, index]
+        assert decrement == pytest.approx(2.0 * np.pi * ratio / np.sqrt(1.0 - ratio**2), rel=1e-9)
+        same = int(np.argmin(np.abs(values - eigenvalue)))
+        found = whirl_directions(node_shapes(machine, vectors[:, [same]]))
+        assert direction == names[int(found[0])]
+    assert np.isfinite(group["logarithmic_decrement"][1]).sum() >= 4

@@ -50,7 +50,8 @@ def stiffness_and_damping(
     bearing: Bearing, unknowns: Array, position: Array, parameters: Array, frequencies: Array
 ) -> tuple[Array, Array]:
     """K and C of a bearing, each of shape (frequencies, 2, 2); arguments as of ``dynamic_stiffness``."""
-    complex_stiffness = dynamic_stiffness(bearing, unknowns, position, parameters, 1j * frequencies)
+    exponents = np.asarray(1j * frequencies, dtype=np.complex128)
+    complex_stiffness = dynamic_stiffness(bearing, unknowns, position, parameters, exponents)
     still = frequencies == 0.0
     damping = complex_stiffness.imag / np.where(still, 1.0, frequencies)[:, None, None]
     if still.any():

@@ -1,6 +1,7 @@
 """Linear analyses along the speed.
 
 - linearize: equilibria, bearing coefficients, eigenvalues
+- operating_point: static deflection, bearings and modes at the operating speed
 - coefficients: stiffness and damping of the bearings over speed and whirl frequency
 - criticals: Campbell diagram, critical speeds, predicted resonances
 - unbalance_response: amplitude and phase under unbalance, amplification factors

@@ -1,4 +1,4 @@
-"""What the stages share that follow the equilibrium from speed to speed, a row of their group for each."""
+"""What the linear stages share: parameters, the equilibrium from speed to speed, flags of directions."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.datasets.branch import BranchWriter
+from pipelines.datasets.schema import KINDS
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import equilibrium_along
@@ -46,3 +47,10 @@ def missing_entries(
             reason = equilibrium_along(machine, parameters, speeds, int(index), guess).reason
         missing.append(missing_speeds.entry(float(speeds[index]), reason))
     return missing
+
+
+def direction_flags(directions: NDArray[np.int8]) -> NDArray[np.int8]:
+    """Stored flags of +1 forward, -1 backward, 0 planar."""
+    flag = KINDS["criticals"].array("direction").flag
+    table = {1: flag("forward"), -1: flag("backward"), 0: flag("mixed")}
+    return np.vectorize(table.__getitem__, otypes=[np.int8])(directions)

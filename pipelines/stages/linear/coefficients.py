@@ -96,7 +96,7 @@ def _sizes(machine: Machine, case: Case) -> dict[str, int]:
 def _static(machine: Machine, case: Case) -> dict[str, Any]:
     """The axis of frequencies, and the units of the coefficients."""
     frequencies, scales = whirl_frequencies(case), machine.scales
-    stiffness = np.array([own.force / (own.clearance_ratio * scales.displacement) for own in scales.bearings])
+    stiffness = np.array([scales.bearing_stiffness(index) for index in range(len(machine.bearings))])
     return {
         "frequency": frequencies,
         "frequency_hertz": frequencies / (2.0 * np.pi * scales.time),

@@ -30,7 +30,9 @@ from pipelines.orbits.equilibria.critical_speeds import (
 )
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
+from pipelines.orbits.equilibria.modes import logarithmic_decrements
 from pipelines.stages.linear import missing_speeds
+from pipelines.stages.linear.along_speed import direction_flags
 from pipelines.stages.linear.condensed_modes import LinearBearings, checked_modes, linear_bearings
 from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult, StopRequested
 
@@ -169,17 +171,11 @@ def _campbell_arrays(diagram: CampbellDiagram) -> dict[str, Any]:
         "speed": diagram.speeds,
         "frequency": diagram.eigenvalues.imag,
         "damping_ratio": diagram.damping_ratios,
+        "logarithmic_decrement": logarithmic_decrements(diagram.eigenvalues),
         "direction": np.where(
-            np.isfinite(diagram.eigenvalues), _direction_flags(diagram.directions), -1
+            np.isfinite(diagram.eigenvalues), direction_flags(diagram.directions), -1
         ).astype(np.int8),
     }
-
-
-def _direction_flags(directions: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Stored flags of +1 forward, -1 backward, 0 planar."""
-    flag = KINDS["criticals"].array("direction").flag
-    table = {1: flag("forward"), -1: flag("backward"), 0: flag("mixed")}
-    return np.vectorize(table.__getitem__, otypes=[np.int8])(directions)
 
 
 def _critical_arrays(machine: Machine, critical: list[CriticalSpeed]) -> dict[str, Any]:
@@ -188,7 +184,7 @@ def _critical_arrays(machine: Machine, critical: list[CriticalSpeed]) -> dict[st
     return {
         "critical_speed": np.array([one.speed for one in critical]),
         "critical_damping_ratio": np.array([one.damping_ratio for one in critical]),
-        "critical_direction": _direction_flags(directions),
+        "critical_direction": direction_flags(directions),
         "critical_mode_shape": shapes.reshape(len(critical), machine.rotor.nodes, 2),
     }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from pipelines.datasets.records import ENDED
 from pipelines.datasets.store import case_group, open_for_writing
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine
+from pipelines.machine.rotor_modes import whirl_directions
 from pipelines.orbits.equilibria.bearing_coefficients import machine_coefficients
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, Equilibrium, at_rest, equilibrium_along
 from pipelines.orbits.equilibria.linear import (
@@ -28,9 +29,16 @@ from pipelines.orbits.equilibria.linear import (
     linearised,
     locate_instability,
 )
-from pipelines.stages.linear import missing_speeds
-from pipelines.stages.linear.along_speed import last_state, missing_entries, reference_parameters
-from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.orbits.equilibria.modes import logarithmic_decrements, node_shapes
+from pipelines.stages.linear import missing_speeds, operating_point
+from pipelines.stages.linear.along_speed import (
+    direction_flags,
+    last_state,
+    missing_entries,
+    reference_parameters,
+)
+from pipelines.stages.linear.operating_point import write_operating_point
+from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult
 
 HIDDEN = "the instability lies at speeds without equilibrium"
 
@@ -45,6 +53,7 @@ def linearize(named: NamedCase, store_path: Path, report: Report, should_stop: S
     table = named.case.linearize
     speeds = np.linspace(*table.speed_range, table.points)
     group = case_group(named.case_id, "linear")
+    write_operating_point(store, named, machine)
     with open_branch(
         store, group, "linear", _sizes(machine, named.case), {"whirl_ratio": np.array(table.whirl_ratios)},
         {"request": table.model_dump(mode="json")}, renew=True,
@@ -68,7 +77,8 @@ def linearize(named: NamedCase, store_path: Path, report: Report, should_stop: S
                 {} if len(missing) == table.points else _instability(machine, parameters, rows),
             )
     attributes = read_group(store, group, ()).attributes
-    return _result(named.case_id, attributes)
+    at_operation = read_group(store, case_group(named.case_id, operating_point.GROUP))
+    return _result(named.case_id, attributes, operating_point.tables(at_operation))
 
 
 def _finish(branch: BranchWriter, missing: list[str], instability: dict[str, Any]) -> None:
@@ -107,19 +117,28 @@ def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibri
         "minimum_film": np.full(bearings, np.nan),
         "eigenvalues": np.zeros(0, dtype=np.complex128),
         "eigenvalue_residual": np.zeros(0),
+        "logarithmic_decrement": np.zeros(0),
+        "damping_ratio": np.zeros(0),
+        "direction": np.zeros(0, dtype=np.int8),
         "newton_iterations": equilibrium.iterations,
         "newton_residual": equilibrium.residual,
     }
     if equilibrium.converged:
         point = linearised(machine, parameters, equilibrium, table.eigenvalues)
         state, still = equilibrium.state, at_rest(parameters)
+        eigenvalues = point.eigenpairs.values
+        decrement = logarithmic_decrements(eigenvalues)
+        directions = direction_flags(whirl_directions(node_shapes(machine, point.eigenpairs.vectors)))
         journals = np.array([machine.journal(state, index)[:2] for index in range(bearings)])
         row |= {
             "state": state,
             "journal": journals,
             "minimum_film": machine.minimum_film(MEAN_PHASE, state, still),
-            "eigenvalues": point.eigenpairs.values,
+            "eigenvalues": eigenvalues,
             "eigenvalue_residual": point.eigenpairs.residuals,
+            "logarithmic_decrement": decrement,
+            "damping_ratio": -eigenvalues.real / np.abs(eigenvalues),
+            "direction": np.where(np.isfinite(decrement), directions, -1).astype(np.int8),
         }
         whirl = np.array(table.whirl_ratios) * parameters[film.SPEED]
         stiffness, damping = machine_coefficients(machine, parameters, state, whirl)
@@ -175,7 +194,9 @@ def hopf_between(
         return None
 
 
-def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
+def _result(
+    case_id: str, attributes: Mapping[str, Any], tables: Mapping[str, Sequence[Mapping[str, Scalar]]]
+) -> StageResult:
     speed = attributes.get("instability_speed")
     summary = {"speeds": attributes["n_points"], "instability speed": speed}
     if speed is not None:
@@ -186,4 +207,5 @@ def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
     if missing:
         summary["without equilibrium"] = missing_speeds.named(missing)
     ok = attributes["stop_reason"] in missing_speeds.SUCCESSFUL
-    return StageResult(case_id, ok, attributes["stop_reason"], attributes["stop_advice"], summary)
+    reason, advice = attributes["stop_reason"], attributes["stop_advice"]
+    return StageResult(case_id, ok, reason, advice, summary, tables=tables)
