@@ -53,8 +53,12 @@ class StageResult:
     tables: Mapping[str, Sequence[Mapping[str, Scalar]]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """The result as plain dictionaries and scalars, for JSON and other processes."""
-        return asdict(self) | {"summary": dict(self.summary)}
+        """The result as plain dictionaries and scalars, for JSON and other processes.
+
+        Of a success without what belongs to failures.
+        """
+        record = asdict(self) | {"summary": dict(self.summary)}
+        return {k: v for k, v in record.items() if not (self.ok and k in ("failed_by", "traceback"))}
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> StageResult:

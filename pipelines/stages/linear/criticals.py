@@ -77,7 +77,12 @@ def criticals(named: NamedCase, store_path: Path, report: Report, should_stop: S
         speeds_found = [one.speed for one in critical.found]
         checked = checked_modes(machine, named.case, linear, at_operation, speeds_found)
         arrays |= checked.arrays
-        attributes = {"condensation_error": checked.error, "caution": checked.caution}
+        attributes = {
+            "condensation_error": checked.error,
+            "caution": checked.caution,
+            "compared_speed": float(linear.speeds[at_operation]),
+            "unbalance_eccentricity": UNBALANCE_ECCENTRICITY,
+        }
     attributes |= {"request": request, **_missing_attributes(diagram, critical, speeds)}
     write_group(store, group, "criticals", arrays, attributes)
     report(Progress("criticals", named.case_id, total, total))

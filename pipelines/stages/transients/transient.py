@@ -203,7 +203,7 @@ def _stop(run: Run, block: Block) -> tuple[str, str]:
     quantity, bearing = divmod(block.limit, BEARINGS)
     stop = RunStop.TOUCH if quantity == FILM else RunStop.VACUUM
     value, limit = block.end.running[block.limit], run.limits[block.limit]
-    return stop.word, stop.advice.format(bearing=bearing, value=value, time=now, limit=limit)
+    return stop.word, stop.advice.format(bearing=bearing + 1, value=value, time=now, limit=limit)
 
 
 def _result(named: NamedCase, store: Store, group: str) -> StageResult:
@@ -219,4 +219,6 @@ def _result(named: NamedCase, store: Store, group: str) -> StageResult:
             "thinnest film": float(np.min(found["minimum_film"])),
         }
     summary["steps per period"] = attributes["steps_per_period"]
-    return StageResult(named.case_id, ok, reason, attributes["stop_advice"], summary)
+    advice = attributes["stop_advice"]
+    caution = f"the run ended early: {advice}" if ok and advice else ""
+    return StageResult(named.case_id, ok, reason, advice, summary, caution=caution)
