@@ -210,7 +210,7 @@ def compute(
     cautioned: set[str] = set()
     tasks = len(stages) * len(named_cases) if len(named_cases) > 1 else None
     reporter = ProgressReporter(console, tasks=tasks)
-    with console.announce_if_slow("loading kernels (the first run compiles them, for minutes)", SECONDS_BEFORE_ANNOUNCEMENT):
+    with console.announce_if_slow("loading kernels (a first run compiles)", SECONDS_BEFORE_ANNOUNCEMENT):
         for stage in stages:  # also for the workers, which load what is compiled here
             registry.stage_function(stage)
     work = (stages, named_cases, request.store)
@@ -247,7 +247,7 @@ def prepare(request: Request, named_cases: Sequence[NamedCase], console: Console
     """Create the store, or check that the one that exists was made from the same configuration."""
     from pipelines.stages.scheduling.first_run import compiling_beside
 
-    compiling = "loading kernels (the first run compiles them, for minutes)"
+    compiling = "loading kernels (a first run compiles)"
     with console.announce_if_slow(compiling, SECONDS_BEFORE_ANNOUNCEMENT), compiling_beside():
         from pipelines.stages.scheduling.preparation import prepare_store
 

@@ -39,7 +39,7 @@ def verify(
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         path = existing_store(store)
-        with console.announce_if_slow("loading kernels (the first run compiles them, for minutes)", SECONDS_BEFORE_ANNOUNCEMENT):
+        with console.announce_if_slow("loading kernels (a first run compiles)", SECONDS_BEFORE_ANNOUNCEMENT):
             from pipelines.stages.reports.verify import verify as verify_store
 
         findings, checked = verify_store(path, sample)

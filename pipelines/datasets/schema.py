@@ -384,7 +384,16 @@ CRITICALS = GroupSpec(
             "checked_mode",
             "relative error of the frequency of the condensed rotor, 1 where it has no such mode",
         ),
+        _real("support_stiffness", "support", "stiffness of both bearings in the critical speed map", "N/m"),
+        _real("map_forward", "support map_mode", "undamped critical speed of forward whirl", padded=True),
+        _real("map_backward", "support map_mode", "undamped critical speed of backward whirl", padded=True),
         _real("unbalance_speed", "unbalance", "speeds of the unbalance response"),
+        _real(
+            "direct_stiffness",
+            "unbalance bearing axis",
+            "stiffness Kxx, Kyy of the bearings for synchronous whirl",
+            "N/m",
+        ),
         _count("response_node", "response", "node at which the unbalance response is taken"),
         _real("unbalance_full", "unbalance response", f"unbalance response amplitude {FIRST}, full rotor"),
         _real(

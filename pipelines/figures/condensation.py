@@ -57,7 +57,7 @@ def draw_condensation(case: CaseView, criticals: Table) -> Figure:
 def _near_operation(case: CaseView, criticals: Table) -> str:
     """At which speed the modes are compared."""
     speed = criticals.attributes.get("compared_speed")
-    return "" if speed is None else f"modes on linear bearings at {case.scales.rpm * speed:.0f} rpm"
+    return "" if speed is None else f"at {case.scales.rpm * speed:.0f} rpm, K and C of synchronous whirl"
 
 
 def _draw_bars(axes: Axes, full: FloatArray, condensed: FloatArray, label: str, deviation: bool) -> None:
@@ -124,7 +124,7 @@ def _draw_unbalance(axes: Axes, case: CaseView, criticals: Table) -> list[Line2D
     add_right(axes, case.scales.micrometres, "unbalance response [µm]")
     eccentricity = criticals.attributes.get("unbalance_eccentricity")
     if eccentricity is not None:
-        axes.set_title(f"mass {1e2 * eccentricity:g} % of the clearance off its axis, shared by the discs")
+        axes.set_title(f"unbalance: mass times {1e2 * eccentricity:g} % of the clearance")
     return [
         *(
             Line2D([], [], color=style.CYCLE[(i + 2) % len(style.CYCLE)], label=f"node {n}")

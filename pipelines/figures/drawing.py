@@ -28,11 +28,13 @@ from pipelines.figures.case_tables import RUNS, CaseTables, Notify, kind_of, rea
 from pipelines.figures.coefficients import draw_coefficients
 from pipelines.figures.condensation import draw_condensation
 from pipelines.figures.contents import CaseView, FigurePlan, MissingDataError, Table, excitation_periods
+from pipelines.figures.critical_map import draw_critical_map
 from pipelines.figures.linearization import draw_linearization
 from pipelines.figures.machine_drawing import draw_machine
 from pipelines.figures.multipliers import draw_multipliers
 from pipelines.figures.operating_point import draw_operating_point
 from pipelines.figures.orbits import draw_film, draw_orbits
+from pipelines.figures.polar import draw_polar
 from pipelines.figures.response_envelope import draw_envelope, draw_unbalance
 from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_spectrum, draw_waterfall
 from pipelines.figures.runs import RunView
@@ -50,8 +52,10 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "operating-point": "operating_point",
         "coefficients": "coefficients",
         "campbell": "criticals",
+        "critical-map": "criticals",
         "condensation": "criticals",
         "bode": "unbalance_response",
+        "polar": "unbalance_response",
         "bifurcation": "cycles",
         "multipliers": "cycles",
         "orbits": "cycles",
@@ -251,8 +255,10 @@ def _single_plans(view: CaseView, kind: str, groups: Mapping[str, Table]) -> lis
     if kind == "machine":
         return [FigurePlan("machine", "machine", partial(draw_machine, view))]
     if kind == "criticals":
+        critical_map = FigurePlan("critical-map", "critical-map", partial(draw_critical_map, view, table))
         return [
             FigurePlan("campbell", "campbell", partial(draw_campbell, view, table)),
+            *([critical_map] if "support_stiffness" in table else []),
             FigurePlan("condensation", "condensation", partial(draw_condensation, view, table)),
         ]
     if kind == "operating_point":
@@ -260,7 +266,10 @@ def _single_plans(view: CaseView, kind: str, groups: Mapping[str, Table]) -> lis
     if kind == "coefficients":
         return [FigurePlan("coefficients", "coefficients", partial(draw_coefficients, view, table))]
     if kind == "unbalance_response":
-        return [FigurePlan("bode", "bode", partial(draw_bode, view, table, groups.get("linear")))]
+        return [
+            FigurePlan("bode", "bode", partial(draw_bode, view, table, groups.get("linear"))),
+            FigurePlan("polar", "polar", partial(draw_polar, view, table)),
+        ]
     if kind == "linear":
         draw = partial(draw_linearization, view, table)
         return [

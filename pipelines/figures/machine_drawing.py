@@ -277,4 +277,6 @@ def _legend(machine: Table) -> list[Line2D | Patch]:
                 label=label,
             )
         )
+    if "rotor" in machine.attributes:
+        handles.append(Line2D([], [], label="centre of gravity", **CENTRE))
     return handles

@@ -1,6 +1,6 @@
 """Mass, centre of gravity and moments of inertia of the whole rotor, and what each bearing carries of it.
 
-From the assembled matrices, moved as a rigid body: r_0 (x = 1), r_1 (x = z, beta = 1), r_2 (y = -z, alpha = 1)
+From the assembled matrices and rigid motions: r_0 (x = 1), r_1 (x = z, beta = 1), r_2 (y = -z, alpha = 1)
 
     m = r_0' M r_0,   m z_s = r_0' M r_1,   I_d = r_1' M r_1 - m z_s^2,   I_p = |r_1' G r_2|
 """

@@ -19,6 +19,7 @@ from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, case_group, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.condensation_check import CondensationComparison, compare_condensation
+from pipelines.machine.critical_map import critical_map
 from pipelines.orbits.equilibria.campbell import CampbellDiagram, campbell_diagram
 from pipelines.orbits.equilibria.critical_speeds import (
     NO_EQUILIBRIUM,
@@ -39,6 +40,9 @@ from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, Stage
 COMPARED_MODES = 8
 # The unbalance of the comparison: the rotor's mass, off its axis by this part of the clearance.
 UNBALANCE_ECCENTRICITY = 0.01
+
+# The critical speed map: points, modes of each direction, times the bearings' stiffness that it goes beyond.
+MAP_POINTS, MAP_MODES, MAP_REACH = 41, 4, 30.0
 
 NO_CRITICAL = "no critical speed lies inside the range"
 UNDECIDED = "critical speeds may be missing"
@@ -76,7 +80,7 @@ def criticals(named: NamedCase, store_path: Path, report: Report, should_stop: S
         arrays |= _comparison_arrays(machine, _comparison(machine, named.case, linear, at_operation))
         speeds_found = [one.speed for one in critical.found]
         checked = checked_modes(machine, named.case, linear, at_operation, speeds_found)
-        arrays |= checked.arrays
+        arrays |= checked.arrays | _map_arrays(machine, linear)
         attributes = {
             "condensation_error": checked.error,
             "caution": checked.caution,
@@ -227,6 +231,22 @@ def _comparison_arrays(machine: Machine, comparison: CondensationComparison) -> 
         "response_node": np.array(masters, dtype=np.int32),
         "unbalance_full": amplitudes(comparison.unbalance_full),
         "unbalance_condensed": amplitudes(comparison.unbalance_condensed),
+    }
+
+
+def _map_arrays(machine: Machine, linear: LinearBearings) -> dict[str, Any]:
+    """The critical speed map about the stiffness that the bearings have, dimensionless speeds."""
+    direct = np.stack([np.diagonal(each.stiffness, axis1=1, axis2=2) for each in linear.bearings], axis=1)
+    positive = direct[direct > 0.0]
+    low, high = (positive.min(), positive.max()) if positive.size else (machine.scales.stiffness,) * 2
+    stiffness = np.logspace(np.log10(low / MAP_REACH), np.log10(high * MAP_REACH), MAP_POINTS)
+    nodes = [bearing.node for bearing in linear.bearings]
+    maps = [critical_map(machine.rotor, nodes, stiffness, MAP_MODES, backward) for backward in (False, True)]
+    return {
+        "support_stiffness": stiffness,
+        "map_forward": maps[0] * machine.scales.time,
+        "map_backward": maps[1] * machine.scales.time,
+        "direct_stiffness": direct,
     }
 
 
