@@ -170,12 +170,14 @@ def _ends_at(job: Job, groups: Sequence[str], origin: Origin) -> bool:
 def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
     """How the branches of a case ended; the stage succeeds if all of them do."""
     parameter = job.case.continue_cycles.parameter
-    names = ("event_kind", f"event_{parameter}", step_errors.STEP_ERROR)
+    names = ("event_kind", f"event_{parameter}", "unstable_count", step_errors.STEP_ERROR)
     branches, trees = (
         [job.read(group, names) for group in groups],
         [job.read(group, names) for group in doubled],
     )
     summary: dict[str, Any] = {"points": sum(branch.n_points for branch in branches)}
+    if any((branch["unstable_count"][:1] > 0).any() for branch in branches):
+        summary["unstable at the start"] = True  # then the first bifurcation met is not the onset
     if trees:
         summary["doubled branches"] = len(trees)
     for branch in branches + trees:
