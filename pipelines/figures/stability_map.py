@@ -192,7 +192,8 @@ def passive_speed(view: PlaneView) -> float | None:
 
 def _draw_passive(axes: Axes, view: PlaneView) -> list[Line2D]:
     value = passive_speed(view)
-    if value is None:
+    low, high = view.ranges[view.y]
+    if value is None or not low <= value <= high:
         return []
     line = axes.axhline(value, color=INK, linewidth=0.9, linestyle=(0, (7, 2, 1.2, 2)), zorder=1.5)
     line.set_label(rf"instability at $\bar{{\delta}}=0$: {value:.4g}")
@@ -205,7 +206,8 @@ def draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     for curve in view.curves:
         for look, points in parts_of(curve, view):
             axes.plot(points[:, 0], points[:, 1], **look.options)
-            looks.append(look)
+            if _inside(points, view):
+                looks.append(look)
     kinds = {look.bifurcation for look in looks}
     handles = [
         Line2D([], [], color=colour, linewidth=1.7, label=label)
@@ -224,6 +226,12 @@ def draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     if any(look.doubled for look in looks):
         handles.append(Line2D([], [], color=INK, linewidth=1.7 * THIN, label="of doubled cycles"))
     return handles
+
+
+def _inside(points: NDArray[np.float64], view: PlaneView) -> bool:
+    """Whether any of the points (n, 2) lies in the drawn plane: the legend names what is seen."""
+    low, high = np.array([view.ranges[view.x], view.ranges[view.y]]).T
+    return bool(np.any(np.all((points >= low) & (points <= high), axis=1)))
 
 
 def incomplete_ends(view: PlaneView) -> list[tuple[str, float, float]]:
