@@ -72,7 +72,7 @@ def long_table(table: BearingTable) -> bytes:
     text.write(f"# k..: over {table.stiffness_unit!r} N/m; c..: over {table.damping_unit!r} N s/m\n")
     writer = csv.writer(text, lineterminator="\n")
     names = [f"{letter}{entry}" for letter in "kc" for entry, _, _ in ENTRIES]
-    units = ["N_per_m"] * len(ENTRIES) + ["N_s_per_m"] * len(ENTRIES)
+    units = ["n_per_m"] * len(ENTRIES) + ["ns_per_m"] * len(ENTRIES)
     in_units = [f"{name}_{unit}" for name, unit in zip(names, units, strict=True)]
     writer.writerow(["speed", "speed_rpm", "frequency", "frequency_hz", *names, *in_units])
     writer.writerows(_rows(table))

@@ -139,7 +139,7 @@ def test_coefficients_are_one_long_table_for_each_bearing(linear_store: Path, tm
         ]
         found = np.array([[float(row[f"k{entry}"]) for entry in ("xx", "xy", "yx", "yy")] for row in rows])
         np.testing.assert_array_equal(found, group["stiffness"][:, :, bearing].reshape(-1, 4))
-        in_si = np.array([float(row["cxy_N_s_per_m"]) for row in rows])
+        in_si = np.array([float(row["cxy_ns_per_m"]) for row in rows])
         expected = group["damping"][:, :, bearing, 0, 1].ravel() * group["damping_unit"][bearing]
         np.testing.assert_allclose(in_si, expected, rtol=1e-15)
 
