@@ -269,7 +269,7 @@ def announce(stage: str, result: StageResult, console: Console, with_tables: boo
         numbers = name_values(result.summary)
         console.data(f"{name}: {words(result.stop_reason)}" + (f" ({numbers})" if numbers else ""))
         for title, rows in result.tables.items() if with_tables else ():
-            console.data(f"\n{title}")
+            console.data(f"\n{words(title)}")
             console.data(table(list(rows[0]), [list(row.values()) for row in rows]) if rows else "none")
     if not result.ok:
         console.error(f"{name}: failed: {words(result.stop_reason)}")

@@ -78,7 +78,8 @@ def linearize(named: NamedCase, store_path: Path, report: Report, should_stop: S
             )
     attributes = read_group(store, group, ()).attributes
     at_operation = read_group(store, case_group(named.case_id, operating_point.GROUP))
-    return _result(named.case_id, attributes, operating_point.tables(at_operation))
+    tables = operating_point.tables(at_operation)
+    return _result(named.case_id, attributes, at_operation.attributes, tables)
 
 
 def _finish(branch: BranchWriter, missing: list[str], instability: dict[str, Any]) -> None:
@@ -195,7 +196,10 @@ def hopf_between(
 
 
 def _result(
-    case_id: str, attributes: Mapping[str, Any], tables: Mapping[str, Sequence[Mapping[str, Scalar]]]
+    case_id: str,
+    attributes: Mapping[str, Any],
+    operation: Mapping[str, Any],
+    tables: Mapping[str, Sequence[Mapping[str, Scalar]]],
 ) -> StageResult:
     speed = attributes.get("instability_speed")
     summary = {"speeds": attributes["n_points"], "instability speed": speed}
@@ -207,5 +211,6 @@ def _result(
     if missing:
         summary["without equilibrium"] = missing_speeds.named(missing)
     ok = attributes["stop_reason"] in missing_speeds.SUCCESSFUL
+    summary["operating speed [rpm]"] = operation["speed_rpm"]
     reason, advice = attributes["stop_reason"], attributes["stop_advice"]
     return StageResult(case_id, ok, reason, advice, summary, tables=tables)

@@ -105,13 +105,12 @@ def _modes(machine: Machine, case: Case, parameters: Array, state: Array) -> dic
 
 
 def tables(group: Group) -> dict[str, list[dict[str, Scalar]]]:
-    """What the terminal shows of the group, by title: the bearings, and the modes by frequency."""
+    """What the terminal shows of the group: the bearings, K and C for synchronous whirl, and the modes."""
     if not group.attributes["equilibrium"]:
         return {}
-    speed = f"at {group.attributes['speed_rpm']:.0f} rpm (speed {group.attributes['speed']:.4g})"
     bearings = [_bearing(group, index) for index in range(len(group["bearing_node"]))]
     modes = [_mode(group, index) for index in range(len(group["eigenvalue"]))]
-    return {f"bearings {speed}, K and C for synchronous whirl": bearings, f"modes {speed}": modes}
+    return {"bearings_at_operating_speed": bearings, "modes_at_operating_speed": modes}
 
 
 def _bearing(group: Group, index: int) -> dict[str, Scalar]:
@@ -124,7 +123,7 @@ def _bearing(group: Group, index: int) -> dict[str, Scalar]:
     for letter, array, unit in (("K", "stiffness", "N/m"), ("C", "damping", "N s/m")):
         for entry, row, column in (("xx", 0, 0), ("xy", 0, 1), ("yx", 1, 0), ("yy", 1, 1)):
             named[f"{letter}{entry} {unit}"] = group[array][index, row, column]
-    return {"bearing": index + 1, "node": int(group["bearing_node"][index])} | _short(named)
+    return {"bearing": index + 1, "node": int(group["bearing_node"][index])} | _plain(named)
 
 
 def _mode(group: Group, index: int) -> dict[str, Scalar]:
@@ -136,9 +135,8 @@ def _mode(group: Group, index: int) -> dict[str, Scalar]:
     }
     unstable = " unstable" if numbers["decrement"] < 0.0 else ""
     direction = str(group.labels("direction")[index])
-    return {"mode": index + 1} | _short(numbers) | {"direction": direction + unstable}
+    return {"mode": index + 1} | _plain(numbers) | {"direction": direction + unstable}
 
 
-def _short(numbers: Mapping[str, Any]) -> dict[str, Scalar]:
-    """Numbers with the digits that a reader compares."""
-    return {name: float(f"{number:.5g}") for name, number in numbers.items()}
+def _plain(numbers: Mapping[str, Any]) -> dict[str, Scalar]:
+    return {name: float(number) for name, number in numbers.items()}
