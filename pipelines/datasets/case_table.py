@@ -138,6 +138,14 @@ _MEANINGS = {
     "best_bound": "what ends that range; none: nothing up to the highest speed of the plane",
     "passive_gain": "gain of best_speed over the instability speed without displacement of the rings",
     "reference_gain": "gain of best_speed over the range at excitation frequency 0.2",
+    "operating_point": "stability of the cycle at the case's own speed and excitation frequency",
+    "margin_speed": "distance in speed from there to the nearest boundary of stable cycles; negative where "
+    "the cycle is unstable there",
+    "margin_excitation_frequency": "distance in excitation frequency, likewise",
+    "margin_displacement": "distance in ring displacement, likewise",
+    "margin_foil_stiffness": "distance in foil stiffness, likewise",
+    "margin_relative": "relative distance to the nearest boundary of all, in shares of both parameters",
+    "margin_bifurcation": "kind of this boundary",
     "failed": "stages that failed, with the reason",
 }
 _ORDER = tuple(_MEANINGS)
@@ -201,6 +209,28 @@ def _operating_range(
         yield "best_bound", "none" if best["open"] else str(best["bifurcation"])
     yield "passive_gain", attributes.get("passive_gain")
     yield "reference_gain", attributes.get("reference_gain")
+    if (margin := attributes.get("margin")) is not None:
+        yield from _margin(margin, parameter, scales)
+
+
+def _margin(
+    margin: Mapping[str, Any], parameter: str, scales: Mapping[str, float]
+) -> Iterator[tuple[str, Value]]:
+    """Distances of the operating point from the boundaries of stable cycles, negative if it is unstable."""
+    yield "operating_point", "not known" if margin["base"] == "unset" else str(margin["base"])
+    sign = -1.0 if margin["base"] == "unstable" else 1.0
+    in_speed, along, relative = (
+        None if (distance := margin[f"{name}_distance"]) is None else sign * distance
+        for name in ("speed", parameter, "relative")
+    )
+    yield from _speed("margin_speed", in_speed, scales)
+    if parameter == "excitation_frequency":
+        yield from _frequency("margin_excitation_frequency", along, scales)
+    else:
+        yield f"margin_{parameter}", along
+    yield "margin_relative", relative
+    nearest = margin["nearest"]
+    yield "margin_bifurcation", "none" if nearest is None else str(nearest["bifurcation"])
 
 
 def _root(name: str) -> tuple[str, str]:
@@ -220,7 +250,7 @@ def _place(name: str) -> tuple[int, int, str]:
 
 def _unit_and_meaning(name: str) -> tuple[str, str]:
     root, ending = _root(name)
-    words = root in ("first_bifurcation", "best_bound", "failed")
+    words = root in ("first_bifurcation", "best_bound", "operating_point", "margin_bifurcation", "failed")
     return {"rpm": "rpm", "hz": "Hz", "": "" if words else "1"}[ending], _MEANINGS[root]
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, PPoly
 
 from pipelines.case.arrays import Array
 
@@ -93,6 +93,21 @@ class BifurcationCurve:
             between = between[np.abs(between[:, None] - rows).min(axis=1) > reach]
             between = np.concatenate([between, rows])
         return np.unique(between)
+
+    def nearest_candidates(self, point: Array, scale: Array) -> Array:
+        """Increasing arclengths among which the nearest point of any part of the curve is.
+
+        With the distance d^2 = sum_i ((p_i(s) - point_i) / scale_i)^2 these are the roots of d(d^2)/ds, a
+        quintic between two rows, and the ends of all parts: rows and special points.
+        """
+        stationary = np.zeros((6, len(self.arclength) - 1))  # coefficients, highest power first
+        for axis, spline in enumerate(self.splines):
+            away, slope = spline.c.copy(), spline.derivative().c
+            away[-1] -= point[axis]
+            for power, coefficient in enumerate(slope):
+                stationary[power : power + 4] += away * coefficient / scale[axis] ** 2
+        roots = _finite(PPoly(stationary, self.arclength).roots(extrapolate=False))
+        return np.unique(np.concatenate([roots, self.stretches()]))
 
     def unstable_at(self, arclength: float) -> int:
         """Number of multipliers outside the circle besides the critical ones.

@@ -1,6 +1,7 @@
 """Conclusions from stored results.
 
 - first_boundary: the first bifurcation above the lowest speed
+- margin: distances of the operating point from the boundaries of stable cycles
 - operating_range: `agfb report`
 - survey_summary: what it says of a survey
 - paper_comparison: `agfb compare-paper`

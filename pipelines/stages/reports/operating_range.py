@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from pipelines.case.arrays import Array
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.curves import CURVE_CONTAINERS, BifurcationCurve, read_curve
-from pipelines.datasets.reading import list_groups, read_group
+from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, case_group, local_name, open_for_writing
 from pipelines.stages.reports.first_boundary import UNSET, Boundary, SpeedPlane, lower_envelope
+from pipelines.stages.reports.margin import Margin, margin_of
 
 GROUP = "operating_range"
 SPEED, FREQUENCY = "speed", "excitation_frequency"
@@ -75,7 +76,8 @@ class OperatingRange:
     """The first boundary over the abscissa (``parameter``), and the conclusions from it.
 
     ``curves``: names that ``Boundary.curve`` counts; ``caution``: for every boundary whether an incomplete
-    curve ends near it.  Speeds are dimensionless; None where not known.
+    curve ends near it; ``margin``: of the case's own operating point, None where that has none.  Speeds are
+    dimensionless; None where not known.
     """
 
     parameter: str
@@ -88,6 +90,7 @@ class OperatingRange:
     reference: Boundary | None
     best: Best | None
     cautions: tuple[str, ...]
+    margin: Margin | None = None
 
     @property
     def passive_gain(self) -> float | None:
@@ -142,6 +145,7 @@ class OperatingRange:
             "best": None if self.best is None else self.boundary_data(self.best.boundary),
             "best_interval": None if self.best is None else list(self.best.interval),
             "cautions": list(self.cautions),
+            "margin": None if self.margin is None else self.margin.as_dict(),
         }
 
     def boundary_data(self, boundary: Boundary) -> dict[str, Any]:
@@ -186,7 +190,9 @@ def operating_range(store: Store, case: str) -> OperatingRange:
     Raises what `stored_plane` raises.
     """
     stored = stored_plane(store, case)
-    return range_over(stored.plane, stored.parameter, stored.passive, stored.cautions)
+    found = range_over(stored.plane, stored.parameter, stored.passive, stored.cautions)
+    own = case_attributes(store, case).get("parameters") or {}
+    return replace(found, margin=margin_of(stored.plane, stored.parameter, own))
 
 
 def stored_plane(store: Store, case: str) -> StoredPlane:
