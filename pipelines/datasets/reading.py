@@ -126,13 +126,14 @@ def describe(store: Store | Path | str) -> dict[str, Any]:
     of `agfb criticals` its ``condensation_error`` and ``caution``.
     """
     opened = store if isinstance(store, Store) else open_for_reading(store)
-    cases = {case: _describe_case(opened, case) for case in list_cases(opened)}
+    cases = {case: describe_case(opened, case) for case in list_cases(opened)}
     hidden = ("kind", "attributes_crc32c", "Conventions")
     root = {key: value for key, value in opened.attributes.items() if key not in hidden}
     return {"path": str(opened.path), "attributes": root, "cases": cases}
 
 
-def _describe_case(store: Store, case: str) -> dict[str, Any]:
+def describe_case(store: Store, case: str) -> dict[str, Any]:
+    """The groups and the failures of a case, as in `describe`."""
     groups = {local_name(group): _describe_group(store, group) for group in list_groups(store, case)}
     attributes = case_attributes(store, case)
     return {"name": attributes.get("name", case), "groups": groups, "failures": attributes.get(FAILURES, {})}

@@ -54,6 +54,11 @@ class ParameterAxis:
         return float(getattr(scales, self.scale)), label
 
     @property
+    def unit(self) -> str:
+        """Unit of the dimensional axis."""
+        return self.dimensional_label.rpartition("[")[2].removesuffix("]")
+
+    @property
     def label(self) -> str:
         """Title and symbol, for the dimensionless axis."""
         return f"{self.title} {self.symbol} [–]"

@@ -323,13 +323,22 @@ def _torus_plans(view: CaseView, tori: Mapping[str, Table], cycles: Mapping[str,
 def _map_plans(case: CaseTables) -> list[FigurePlan]:
     """A map for every pair of parameters over which there are curves."""
     plans = []
-    for plane in sorted({same_plane(curve) for curve in case.curves.values()}, key=sorted):
-        inside = {name: curve for name, curve in case.curves.items() if same_plane(curve) == plane}
-        content = PlaneView.of(inside, case.single)
-        started = any(len(curve["speed"]) for curve in inside.values())
+    for content in planes_of(case):
+        started = any(len(curve["speed"]) for curve in content.tables.values())
         draw = partial(draw_stability_map, case.view, content) if started else _nothing_yet(case.view)
         plans.append(FigurePlan("stability", map_stem("stability-map", content.x, content.y), draw))
     return plans
+
+
+def planes_of(case: CaseTables) -> list[PlaneView]:
+    """The planes of two parameters over which a case has curves."""
+    planes = sorted({same_plane(curve) for curve in case.curves.values()}, key=sorted)
+    return [
+        PlaneView.of(
+            {name: curve for name, curve in case.curves.items() if same_plane(curve) == plane}, case.single
+        )
+        for plane in planes
+    ]
 
 
 def _survey_plans(case: CaseTables) -> list[FigurePlan]:
