@@ -43,7 +43,7 @@ from pipelines.bifurcations.curve import (
     SpecialPoint,
 )
 from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end, without_rounding
-from pipelines.bifurcations.curves.double_passages import dip_beyond, dip_through
+from pipelines.bifurcations.curves.double_passages import dip_through
 from pipelines.bifurcations.curves.first_point import columns_of, curve_metric, required_steps_of, start_curve
 from pipelines.bifurcations.curves.segment import (
     Bracket,
@@ -55,6 +55,7 @@ from pipelines.bifurcations.curves.segment import (
     with_normal_form,
 )
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
+from pipelines.bifurcations.curves.tongues import both_sides, dips
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
@@ -69,6 +70,7 @@ _REPEATED = 3.0
 _MISSED = 0.25  # share of the defect of a step by which the cubic may miss the curve, also beside a kink
 _STUCK = 0.25  # of a step in which the test function does not get smaller
 _RECENT = 10  # points that a curve may be near to because it has just left them
+_BEFORE = 0.45  # of the distance to an unresolved tongue: no step of 1 to 2 times that ends in it afterwards
 _STARTED = 5e-3  # share of its change in a step within which a test at the first point is zero there
 
 
@@ -351,11 +353,11 @@ def _with_specials(
     segment: CurveSegment, state: CurveState, options: CurveOptions, accept_anyway: bool
 ) -> _Step | Rejected:
     """Detect and locate the special points of a segment, which is cut where a Neimark-Sacker curve ends."""
-    specials: list[SpecialPoint] = []
-    unlocated: list[SpecialKind] = []
-    end, limit = segment.end, 1.0
     points = SegmentPoints(segment)
-    for bracket in _brackets(points, state, options):
+    tongues, specials = dips(points, (state.cos_theta, state.cos_theta_slope))
+    unlocated: list[SpecialKind] = []
+    ends: list[tuple[Bracket, SpecialPoint, CurveEnd]] = []
+    for bracket in _brackets(points, state, options) + tongues:
         special = bracket.special
         located = locate_special(points, bracket, options.event_tolerance, options.normal_form)
         if located is None:
@@ -364,11 +366,19 @@ def _with_specials(
             unlocated.append(special)
             continue
         point, there = located
-        if point is not None:
+        if point is not None and resonant_end(segment.problem.kind, there.point.cos_theta) is special:
+            ends.append((bracket, point, there))
+        elif point is not None:
             specials.append(point)
-        if resonant_end(segment.problem.kind, there.point.cos_theta) is special and point is not None:
-            end, limit = there, point.fraction
-    kept = tuple(sorted((p for p in specials if p.fraction <= limit), key=lambda point: point.fraction))
+    end = segment.end
+    if ends:
+        bracket, point, end = min(ends, key=lambda each: each[1].fraction)
+        sides = both_sides(points, bracket, point, options.event_tolerance)
+        if sides is None and not accept_anyway:
+            return Rejected("the step ends inside an unresolved tongue", factor=_BEFORE * point.fraction)
+        specials = [each for each in specials if each.fraction <= point.fraction]
+        specials += (point,) if sides is None else sides
+    kept = tuple(sorted(specials, key=lambda point: point.fraction))
     end = replace(end, point=replace(end.point, unlocated=tuple(unlocated)))
     return _Step(end, segment.metric.norm(end.position.minus(segment.start)), kept)
 
@@ -398,14 +408,7 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
         for special in crossed(before, after)
         if special not in seen
     ]
-    if segment.problem.kind is not EventKind.NEIMARK_SACKER:
-        return twice + once
-    # cos_theta may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
-    dips = (
-        dip_beyond(points, special, (state.cos_theta, state.cos_theta_slope))
-        for special in (SpecialKind.R1, SpecialKind.R2)
-    )
-    return twice + once + [dip for dip in dips if dip is not None]
+    return twice + once
 
 
 def _resonance_slopes(

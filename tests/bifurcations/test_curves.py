@@ -442,11 +442,12 @@ def test_special_points_passed_twice_within_a_step(special: SpecialKind, longest
     """With 0.1 a step ends just on the second one.  A Neimark-Sacker curve ends at the first R2."""
     curves, begin, ranges = passed_twice(special)
     run = trace(curves, begin, CurveOptions(ranges, direction=-1, maximum_step=longest))
-    assert [found.kind for found in run.specials] == [special] * (1 if special is SpecialKind.R2 else 2)
+    assert [found.kind for found in run.specials] == [special] * 2
+    assert run.result.stop is (CurveStop.RESONANCE_2 if special is SpecialKind.R2 else CurveStop.RANGE)
     wanted = np.array([0.01, -0.01])
     if special is SpecialKind.CUSP:
         places = [found.state[0] for found in run.specials]
     else:
         places = [found.parameters[0] for found in run.specials]
-    assert np.allclose(places, wanted[: len(places)], rtol=0, atol=1e-7)
+    assert np.allclose(places, wanted, rtol=0, atol=1e-7)
     assert not any(point.unlocated for point in run.points)

@@ -25,7 +25,7 @@ from types import MappingProxyType
 import numpy as np
 
 from pipelines.bifurcations.critical.critical_cycles import Critical
-from pipelines.bifurcations.curve import SpecialKind, SpecialPoint
+from pipelines.bifurcations.curve import SpecialKind, SpecialPoint, TongueSide
 from pipelines.bifurcations.detection import EventKind, signed_smallest
 from pipelines.bifurcations.normal_forms.coefficients import NormalForm
 from pipelines.orbits.floquet import Complex, nontrivial
@@ -77,9 +77,12 @@ def second_bifurcation(curve: EventKind, special: SpecialPoint, autonomous: bool
     """The bifurcation whose curve meets a curve of kind ``curve`` in a special point; None if there is none.
 
     At R1 and R2 the Neimark-Sacker curve ends on the other one, with a pair of critical multipliers in all;
-    elsewhere two curves cross.  R1 of cycles of unknown period is a different resonance and gives None.
+    elsewhere two curves cross.  R1 of cycles of unknown period is a different resonance and gives None, as an
+    unresolved tongue does.
     """
     if special.kind not in MEETING_CURVES or (special.kind is SpecialKind.R1 and autonomous):
+        return None
+    if special.tongue is TongueSide.UNRESOLVED:
         return None
     first, last = MEETING_CURVES[special.kind]
     kind = last if curve is first else first

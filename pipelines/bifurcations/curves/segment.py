@@ -313,6 +313,10 @@ class SegmentPoints:
             raise NotConvergedError
         return value
 
+    def test_at_end(self, special: SpecialKind) -> float:
+        """The test of a strong resonance at the end of the segment, on a Neimark-Sacker curve."""
+        return resonance_tests(self.segment.end.point.cos_theta)[special]
+
     def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
         if fraction not in self._corrected:
             self._corrected = {  # free the factors of the last point before the next one makes its own
@@ -398,7 +402,7 @@ def locate_special(
     scale = segment.problem.period_map.scale(end.point.cycle.image.orbit)
     if with_form is not None and _drowned(end, scale, abs(bracket.tests[1] - bracket.tests[0])):
         return None, end
-    return _special_point(segment, special, end, fraction), end
+    return _genuine_point(segment, special, end, fraction), end
 
 
 def _drowned(end: CurveEnd, scale: float, change: float) -> bool:
@@ -410,7 +414,7 @@ def _drowned(end: CurveEnd, scale: float, change: float) -> bool:
     return form is None or scale**2 * form.noise * abs(end.point.alignment) > 0.5 * change
 
 
-def _special_point(
+def _genuine_point(
     segment: CurveSegment, special: SpecialKind, end: CurveEnd, fraction: float
 ) -> SpecialPoint | None:
     problem, cycle = segment.problem, end.point.cycle
@@ -419,6 +423,14 @@ def _special_point(
     )
     if not genuine(special, problem.kind, others, end.point.cos_theta):
         return None
+    return special_point(segment, special, end, fraction)
+
+
+def special_point(
+    segment: CurveSegment, special: SpecialKind, end: CurveEnd, fraction: float
+) -> SpecialPoint:
+    """A corrected point of a segment as a special point."""
+    cycle = end.point.cycle
     return SpecialPoint(
         special,
         cycle.parameters,

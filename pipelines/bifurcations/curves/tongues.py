@@ -1,0 +1,161 @@
+"""Tongues: where a Neimark-Sacker curve meets a strong resonance, its multipliers are real for a while.
+
+The invariant plane of the critical pair stays smooth there, and with it det A = 1 and, along the curve,
+
+    f = 1 - cos theta (R1) or 1 + cos theta (R2) = c (x - x_1)(x - x_2),      f >= -D = -c (x_2 - x_1)^2/4
+
+Between x_1 and x_2, the near and the far side of the tongue, the pair is real, and fold or period-doubling
+curves run around it.  In its middle the two multipliers are 2 sqrt((1 + D)^2 - 1), nearly 2 sqrt(2 D), apart.
+A tongue is resolved if that is well above the error e of the multipliers.  Else its width is at most w,
+
+    2 sqrt(2 D) = r e,      w = 2 sqrt(D/c)      with r = 4
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipelines.bifurcations.curve import SpecialKind, SpecialPoint, TongueSide
+from pipelines.bifurcations.curves.codimension_two import resonance_tests
+from pipelines.bifurcations.curves.double_passages import dip_beyond
+from pipelines.bifurcations.curves.segment import (
+    Bracket,
+    NotConvergedError,
+    SegmentPoints,
+    locate_special,
+    special_point,
+)
+from pipelines.bifurcations.detection import EventKind
+from pipelines.orbits.system import Vector
+
+RESOLVED = 4.0  # errors of the multipliers by which they must differ inside a tongue
+_REACH = 2.0  # steps behind the near side within which the far side is looked for
+_BEHIND = 0.25  # of the width of a tongue, beyond its far side: there it has ended for certain
+_LOOKS = 4
+_ARRIVED = 1e-9  # f at the end of a step that ends on the near side
+
+
+def dips(points: SegmentPoints, start: tuple[float, float]) -> tuple[list[Bracket], list[SpecialPoint]]:
+    """The tongues that a segment of a Neimark-Sacker curve crosses whole.
+
+    ``start``: cos theta and its slope at the start.  Brackets of the near sides of resolved ones, and the
+    middles of the unresolved ones, also where cos theta turns back before the resonance by less than its
+    error.
+    """
+    resolved: list[Bracket] = []
+    unresolved: list[SpecialPoint] = []
+    if points.segment.problem.kind is not EventKind.NEIMARK_SACKER:
+        return resolved, unresolved
+    hidden = hidden_depth(points)
+    for special in (SpecialKind.R1, SpecialKind.R2):
+        lowest = dip_beyond(points, special, start)
+        if lowest is None:
+            continue
+        fraction, depth = lowest
+        before = resonance_tests(start[0])[special]
+        if depth > hidden:
+            resolved.append(Bracket(special, (0.0, fraction), (before, -depth), touching=True))
+        elif depth >= -hidden:
+            unresolved.append(_unresolved(points, special, fraction, before))
+    return resolved, unresolved
+
+
+def hidden_depth(points: SegmentPoints) -> float:
+    """The largest depth D of a tongue that the error of the multipliers hides."""
+    options = points.segment.problem.options
+    error = float(np.fmax(options.step_tolerance, points.segment.end.point.step_error))
+    return max((RESOLVED * error) ** 2 / 8.0, options.multiplier_tolerance)
+
+
+def both_sides(
+    points: SegmentPoints, bracket: Bracket, near: SpecialPoint, width: float
+) -> tuple[SpecialPoint, ...] | None:
+    """The two sides of the tongue behind the ``near`` one; that one alone if the other is far away.
+
+    ``bracket``: in which it was located; ``width``: of the final bracket of the far side, in arclength.  None
+    for a tongue that is not resolved.
+    """
+    side = replace(near, tongue=TongueSide.NEAR)
+    try:
+        behind = _far_bracket(points, bracket, near.fraction)
+        located = None if behind is None else locate_special(points, behind, width, None)
+        if located is None or located[0] is None:
+            return (side,)
+        far = located[0]
+        depth = -points.test(near.kind, 0.5 * (near.fraction + far.fraction), None)
+    except NotConvergedError:
+        return (side,)
+    if depth <= hidden_depth(points):
+        return None
+    indices = list(points.segment.problem.indices)
+    apart = _distance(points, far.parameters[indices] - near.parameters[indices])
+    return replace(side, width=apart), replace(far, tongue=TongueSide.FAR, width=apart)
+
+
+def _far_bracket(points: SegmentPoints, bracket: Bracket, near: float) -> Bracket | None:
+    """Two fractions between which the tongue ends; None if its end is not within reach.
+
+    ``near``: where it begins.  A step that ends inside is prolonged: the parabola through the last three
+    values tells how far.
+    """
+    special = bracket.special
+    inside, value = bracket.fractions[1], bracket.tests[1]
+    if bracket.touching:
+        return Bracket(special, (inside, 1.0), (value, points.test_at_end(special)))
+    if abs(value) < _ARRIVED:  # the step ends on the near side
+        half = 0.5 * _width_by_slope(points, special, bracket.tests[0])
+        if not 0.0 < half <= _REACH:
+            return None
+        inside = near + half
+        value = points.test(special, inside, None)
+    places, values = [bracket.fractions[0], near, inside], [bracket.tests[0], 0.0, value]
+    for _ in range(_LOOKS):
+        end = _second_zero(places, values)
+        if end is None or not inside < end <= near + _REACH:
+            return None
+        probe = end + _BEHIND * (end - near)
+        test = points.test(special, probe, None)
+        if test > 0.0:
+            return Bracket(special, (inside, probe), (value, test))
+        places, values = [near, places[-1], probe], [0.0, values[-1], test]
+        inside, value = probe, test
+    return None
+
+
+def _width_by_slope(points: SegmentPoints, special: SpecialKind, before: float) -> float:
+    """The width of a tongue that begins at the end of a segment, as a fraction of it.
+
+    With f = (x - 1)(s + c (x - 1)) from the value ``before`` at x = 0 and the slope s at x = 1.
+    """
+    end = points.segment.end
+    slope = (-1.0 if special is SpecialKind.R1 else 1.0) * end.cos_theta_slope * points.segment.length
+    return -slope / (before + slope) if before + slope > 0.0 else np.inf
+
+
+def _second_zero(places: list[float], values: list[float]) -> float | None:
+    """The larger zero of the parabola through three values; None unless it opens upwards."""
+    bend, slope, level = np.polyfit(places, values, 2)
+    inside = slope**2 - 4.0 * bend * level
+    return float((-slope + np.sqrt(inside)) / (2.0 * bend)) if bend > 0.0 and inside >= 0.0 else None
+
+
+def _unresolved(points: SegmentPoints, special: SpecialKind, middle: float, before: float) -> SpecialPoint:
+    """The middle of an unresolved tongue, with the largest width that it can have."""
+    segment = points.segment
+    end = points.end(middle, None, True)
+    test = points.test(special, middle, None)
+    # f - f_min = c (x - x_m)^2, where the side on which it rises less gives the larger width
+    after = points.test_at_end(special)
+    bend = min((before - test) / middle**2, (after - test) / (1.0 - middle) ** 2)
+    share = 2.0 * float(np.sqrt(hidden_depth(points) / bend))
+    width = share * _distance(points, segment.chord.parameters)
+    found = replace(special_point(segment, special, end, middle), residual=test)
+    return replace(found, tongue=TongueSide.UNRESOLVED, width=width)
+
+
+def _distance(points: SegmentPoints, parameters: Vector) -> float:
+    """The length of a difference of the two parameters, scaled."""
+    weights = points.segment.metric.parameters
+    return float(np.sqrt(np.sum(weights * np.square(parameters))))
