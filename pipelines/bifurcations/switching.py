@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipelines.bifurcations.branch import BranchStart
-from pipelines.bifurcations.curve import CurveStart, SpecialPoint, TongueSide
+from pipelines.bifurcations.curve import CurveStart, SpecialPoint
 from pipelines.bifurcations.curves.codimension_two import SecondBifurcation, second_bifurcation
 from pipelines.bifurcations.cycles.segment import BranchMetric, metric_of
 from pipelines.bifurcations.detection import Event, EventKind
@@ -84,14 +84,6 @@ def curve_of_second(
     first, last = (float(special.parameters[index]) for index in problem.indices)
     joined = replace(problem, kind=second.kind, formulation=CurveFormulation.BORDERED)
     return joined, CurveStart(special.state, (first, last), special.period, second.angle, special.width)
-
-
-def curve_beyond(problem: CurveProblem, special: SpecialPoint) -> tuple[CurveProblem, CurveStart] | None:
-    """The Neimark-Sacker curve of ``problem`` beyond a tongue, from its far side; None from another point."""
-    second = second_bifurcation(problem.kind, special, problem.period_map.autonomous)
-    if second is None or special.tongue is not TongueSide.FAR:
-        return None
-    return curve_of_second(problem, special, replace(second, kind=EventKind.NEIMARK_SACKER))
 
 
 @dataclass(frozen=True)

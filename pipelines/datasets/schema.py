@@ -579,6 +579,20 @@ CURVE = GroupSpec(
         ),
         _real("event_angle", "event", "argument of the critical multiplier", "rad"),
         _real("event_residual", "event", "test function at the located special point"),
+        _flag(
+            "event_tongue",
+            "event",
+            "side of the tongue at R1 or R2 of a Neimark-Sacker curve: it ends at the near side and goes on "
+            "from the far side, but across one that the error of the multipliers hides (unresolved)",
+            "near_side",
+            "far_side",
+            "unresolved",
+        ),
+        _real(
+            "event_width",
+            "event",
+            "width of that tongue in the plane, or its bound if unresolved; missing for a wide one",
+        ),
     ),
     row="point",
     coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),

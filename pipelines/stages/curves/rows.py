@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.bifurcations.curve import CurvePoint, CurveState, SpecialKind, SpecialPoint
+from pipelines.bifurcations.curve import CurvePoint, CurveState, SpecialKind, SpecialPoint, TongueSide
 from pipelines.bifurcations.curves.codimension_two import other_multipliers
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
@@ -29,7 +29,6 @@ CONTAINERS: Mapping[EventKind, str] = {
 }
 DIRECTION_NAMES = ("tangent", "normal", "gradient", "bend")  # of the array `directions`, in this order
 TRACED = ("parameter_tangent", "arclength", "state", "angle")  # read by `traced`, with the free parameters
-SPECIAL_NAMES = tuple(spec.name for spec in KINDS["curve"].arrays if spec.name.startswith("event_"))
 
 
 def curve_sizes(machine: Machine, case: Case, problem: CurveProblem) -> dict[str, int]:
@@ -84,6 +83,8 @@ class CurveRecorder:
         case, after = self._case, state.index - 1
         rows = [special_row(case, special, after) for special in specials]
         rows += [_unlocated_row(case, kind, point, after) for kind in point.unlocated]
+        # curves begun by an older version lack the newest arrays
+        rows = [{name: value for name, value in row.items() if name in self._curve.arrays} for row in rows]
         autonomous = self._problem.period_map.autonomous
         self._curve.commit(point_row(case, point, state, self._shape, autonomous), _slots(state), rows)
         self._report_point(point, state, specials)
@@ -152,6 +153,7 @@ def special_row(case: Case, special: SpecialPoint, after_point: int) -> dict[str
     return _event_row(
         case, special.kind, special.parameters, special.state, special.period, special.multipliers,
         after_point, angle=float(np.arccos(np.clip(special.cos_theta, -1.0, 1.0))), residual=special.residual,
+        tongue=special.tongue, width=special.width,
     )  # fmt: skip
 
 
@@ -174,6 +176,8 @@ def _event_row(
     after_point: int,
     angle: float,
     residual: float,
+    tongue: TongueSide | None = None,
+    width: float = np.nan,
 ) -> dict[str, Any]:
     flags = KINDS["curve"].array("event_kind").flags
     return {
@@ -185,12 +189,20 @@ def _event_row(
         "event_multipliers": multipliers,
         "event_angle": angle,
         "event_residual": residual,
+        "event_tongue": np.int8(-1 if tongue is None else tongue),
+        "event_width": width,
     }
 
 
+def special_names(attributes: Mapping[str, Any]) -> tuple[str, ...]:
+    """The arrays of the codimension-two points of a curve with these attributes."""
+    return tuple(name for name in attributes["arrays"] if name.startswith("event_"))
+
+
 def stored_special(curve: Group, index: int) -> SpecialPoint:
-    """A located codimension-two point read back; ``curve`` must have the arrays ``SPECIAL_NAMES``."""
+    """A located codimension-two point read back; ``curve`` must have its arrays ``special_names``."""
     arrays = curve.arrays
+    tongue = int(arrays["event_tongue"][index]) if "event_tongue" in arrays else -1
     name = KINDS["curve"].array("event_kind").flags[int(arrays["event_kind"][index])]
     multipliers = arrays["event_multipliers"][index]
     return SpecialPoint(
@@ -203,6 +215,8 @@ def stored_special(curve: Group, index: int) -> SpecialPoint:
         residual=float(arrays["event_residual"][index]),
         fraction=float("nan"),
         steps=-1,
+        tongue=None if tongue < 0 else TongueSide(tongue),
+        width=float(arrays["event_width"][index]) if "event_width" in arrays else float("nan"),
     )
 
 

@@ -2,8 +2,8 @@
 
 Curves start at the bifurcations of all completed branches of cycles, and at the codimension-two points of
 stored curves where another curve meets them.  At the resonances R1 and R2 a Neimark-Sacker curve ends on the
-stored one; at the others a second bifurcation happens at the same parameters.  Starts are taken in the order
-of their groups; each is compared with the curves traced before it.
+stored one, and goes on from the far side of a tongue; at the others a second bifurcation happens at the same
+parameters.  Starts are taken in the order of their groups; each is compared with the curves traced before it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pipelines.bifurcations.switching import curve_from_event, curve_of_second, 
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
-from pipelines.stages.curves.rows import CONTAINERS, SPECIAL_NAMES, TRACED, stored_special, traced
+from pipelines.stages.curves.rows import CONTAINERS, TRACED, special_names, stored_special, traced
 from pipelines.stages.cycles.problem import cycle_problem, parameter_scale
 from pipelines.stages.cycles.rows import EVENT_NAMES, stored_event
 from pipelines.stages.job import Job, Origin
@@ -194,9 +194,10 @@ def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
 
 def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) -> Iterator[Start]:
     """Starts of curves of ``kind`` at the codimension-two points of a curve of kind ``other``."""
-    curve = job.read(group, SPECIAL_NAMES)
-    if curve.attributes["status"] != ENDED:
+    attributes = job.read(group, ()).attributes
+    if attributes["status"] != ENDED:
         return
+    curve = job.read(group, special_names(attributes))
     turns = int(curve.attributes["turns"])
     for index in range(curve.n_events):
         if not np.isfinite(curve["event_residual"][index]):

@@ -5,9 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveStart, CurveState, SpecialPoint
+from pipelines.bifurcations.curve import (
+    CurveOptions,
+    CurvePoint,
+    CurveStart,
+    CurveState,
+    SpecialPoint,
+    around_tongue,
+)
 from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
+from pipelines.bifurcations.detection import EventKind
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.stages.curves.rows import RESUMED, CurveRecorder, curve_sizes, resumed_state, traced
 from pipelines.stages.curves.starts import WANTING_POINTS, Start, parameter_scales
@@ -62,6 +70,8 @@ def _follow(
             0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}"
         )
     options = curve_options(job, direction)
+    if problem.kind is not EventKind.NEIMARK_SACKER:
+        options = around_tongue(options, start.guess.width)
     result = continue_curve(
         problem, begin, options, recorder.record, recorder.limit, job.should_stop, known, own
     )
