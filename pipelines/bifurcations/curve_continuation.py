@@ -55,7 +55,7 @@ from pipelines.bifurcations.curves.segment import (
     with_normal_form,
 )
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
-from pipelines.bifurcations.curves.tongues import both_sides, dips
+from pipelines.bifurcations.curves.tongues import both_sides, dips, ends_inside
 from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
@@ -71,6 +71,7 @@ _MISSED = 0.25  # share of the defect of a step by which the cubic may miss the 
 _STUCK = 0.25  # of a step in which the test function does not get smaller
 _RECENT = 10  # points that a curve may be near to because it has just left them
 _BEFORE = 0.45  # of the distance to an unresolved tongue: no step of 1 to 2 times that ends in it afterwards
+_IN_A_TONGUE = "the step ends inside a tongue that the error of the multipliers hides"
 _STARTED = 5e-3  # share of its change in a step within which a test at the first point is zero there
 
 
@@ -355,6 +356,9 @@ def _with_specials(
     """Detect and locate the special points of a segment, which is cut where a Neimark-Sacker curve ends."""
     points = SegmentPoints(segment)
     tongues, specials = dips(points, (state.cos_theta, state.cos_theta_slope))
+    for tongue in specials:
+        if ends_inside(points, tongue) and not accept_anyway:
+            return Rejected(_IN_A_TONGUE, factor=_BEFORE * tongue.fraction)
     unlocated: list[SpecialKind] = []
     ends: list[tuple[Bracket, SpecialPoint, CurveEnd]] = []
     for bracket in _brackets(points, state, options) + tongues:
@@ -375,7 +379,7 @@ def _with_specials(
         bracket, point, end = min(ends, key=lambda each: each[1].fraction)
         sides = both_sides(points, bracket, point, options.event_tolerance)
         if sides is None and not accept_anyway:
-            return Rejected("the step ends inside an unresolved tongue", factor=_BEFORE * point.fraction)
+            return Rejected(_IN_A_TONGUE, factor=_BEFORE * point.fraction)
         specials = [each for each in specials if each.fraction <= point.fraction]
         specials += (point,) if sides is None else sides
     kept = tuple(sorted(specials, key=lambda point: point.fraction))

@@ -34,15 +34,17 @@ RESOLVED = 4.0  # errors of the multipliers by which they must differ inside a t
 _REACH = 2.0  # steps behind the near side within which the far side is looked for
 _BEHIND = 0.25  # of the width of a tongue, beyond its far side: there it has ended for certain
 _LOOKS = 4
+_OUTSIDE = 4.0  # depths: f at the largest width from the middle of an unresolved tongue
+_LOWEST = 1e-4  # of the segment: the precision of the middle
 _ARRIVED = 1e-9  # f at the end of a step that ends on the near side
 
 
 def dips(points: SegmentPoints, start: tuple[float, float]) -> tuple[list[Bracket], list[SpecialPoint]]:
-    """The tongues that a segment of a Neimark-Sacker curve crosses whole.
+    """The tongues that a segment of a Neimark-Sacker curve crosses.
 
     ``start``: cos theta and its slope at the start.  Brackets of the near sides of resolved ones, and the
     middles of the unresolved ones, also where cos theta turns back before the resonance by less than its
-    error.
+    error.  The segment may end in one of these: see ``ends_inside``.
     """
     resolved: list[Bracket] = []
     unresolved: list[SpecialPoint] = []
@@ -62,6 +64,12 @@ def dips(points: SegmentPoints, start: tuple[float, float]) -> tuple[list[Bracke
     return resolved, unresolved
 
 
+def ends_inside(points: SegmentPoints, unresolved: SpecialPoint) -> bool:
+    """Whether a segment ends within the largest width of an unresolved tongue from its middle."""
+    depth = hidden_depth(points)
+    return points.test_at_end(unresolved.kind) < _OUTSIDE * depth
+
+
 def hidden_depth(points: SegmentPoints) -> float:
     """The largest depth D of a tongue that the error of the multipliers hides."""
     options = points.segment.problem.options
@@ -78,6 +86,8 @@ def both_sides(
     for a tongue that is not resolved.
     """
     side = replace(near, tongue=TongueSide.NEAR)
+    if abs(bracket.tests[1]) < _ARRIVED and _depth_by_slope(points, bracket) <= hidden_depth(points):
+        return None
     try:
         behind = _far_bracket(points, bracket, near.fraction)
         located = None if behind is None else locate_special(points, behind, width, None)
@@ -105,10 +115,10 @@ def _far_bracket(points: SegmentPoints, bracket: Bracket, near: float) -> Bracke
     if bracket.touching:
         return Bracket(special, (inside, 1.0), (value, points.test_at_end(special)))
     if abs(value) < _ARRIVED:  # the step ends on the near side
-        half = 0.5 * _width_by_slope(points, special, bracket.tests[0])
-        if not 0.0 < half <= _REACH:
+        slope, bend = _slope_and_bend(points, bracket)
+        if not 0.0 < -slope <= 2.0 * _REACH * bend:
             return None
-        inside = near + half
+        inside = near - 0.5 * slope / bend
         value = points.test(special, inside, None)
     places, values = [bracket.fractions[0], near, inside], [bracket.tests[0], 0.0, value]
     for _ in range(_LOOKS):
@@ -124,14 +134,21 @@ def _far_bracket(points: SegmentPoints, bracket: Bracket, near: float) -> Bracke
     return None
 
 
-def _width_by_slope(points: SegmentPoints, special: SpecialKind, before: float) -> float:
-    """The width of a tongue that begins at the end of a segment, as a fraction of it.
+def _slope_and_bend(points: SegmentPoints, bracket: Bracket) -> tuple[float, float]:
+    """s and c of f = (x - 1)(s + c (x - 1)) for a tongue that begins at the end x = 1 of a segment.
 
-    With f = (x - 1)(s + c (x - 1)) from the value ``before`` at x = 0 and the slope s at x = 1.
+    From the value at x = 0 and the slope at x = 1.
     """
     end = points.segment.end
-    slope = (-1.0 if special is SpecialKind.R1 else 1.0) * end.cos_theta_slope * points.segment.length
-    return -slope / (before + slope) if before + slope > 0.0 else np.inf
+    sign = -1.0 if bracket.special is SpecialKind.R1 else 1.0
+    slope = sign * end.cos_theta_slope * points.segment.length
+    return slope, bracket.tests[0] + slope
+
+
+def _depth_by_slope(points: SegmentPoints, bracket: Bracket) -> float:
+    """The depth D = s^2/4c of such a tongue."""
+    slope, bend = _slope_and_bend(points, bracket)
+    return slope**2 / (4.0 * bend) if bend > 0.0 else np.inf
 
 
 def _second_zero(places: list[float], values: list[float]) -> float | None:
@@ -147,9 +164,9 @@ def _unresolved(points: SegmentPoints, special: SpecialKind, middle: float, befo
     end = points.end(middle, None, True)
     test = points.test(special, middle, None)
     # f - f_min = c (x - x_m)^2, where the side on which it rises less gives the larger width
-    after = points.test_at_end(special)
-    bend = min((before - test) / middle**2, (after - test) / (1.0 - middle) ** 2)
-    share = 2.0 * float(np.sqrt(hidden_depth(points) / bend))
+    sides = (before, middle), (points.test_at_end(special), 1.0 - middle)
+    bend = min((value - test) / max(apart, _LOWEST) ** 2 for value, apart in sides)
+    share = 2.0 * float(np.sqrt(hidden_depth(points) / bend)) if bend > 0.0 else 1.0
     width = share * _distance(points, segment.chord.parameters)
     found = replace(special_point(segment, special, end, middle), residual=test)
     return replace(found, tongue=TongueSide.UNRESOLVED, width=width)
