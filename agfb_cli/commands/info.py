@@ -33,6 +33,7 @@ def info(
         content = describe(path)
         content["cases"] = {name: content["cases"][name] for name in matching(content["cases"], case)}
         add_step_errors(content)
+        add_open_ends(content)
         if json:
             console.json_data(content)
             return
@@ -48,6 +49,18 @@ def add_step_errors(content: Mapping[str, Any]) -> None:
     for name, described in content["cases"].items():
         for group, state in described["groups"].items():
             state["points_without_step_error"] = count_in(store, [case_group(name, group)])[0]
+
+
+def add_open_ends(content: Mapping[str, Any]) -> None:
+    """Add to every case the ends of its curves from which no curve goes on."""
+    from pipelines.datasets.store import open_for_reading
+    from pipelines.stages.curves.open_ends import caution, open_ends
+
+    store = open_for_reading(content["path"])
+    for name, described in content["cases"].items():
+        ends = open_ends(store, name)
+        described["open_ends"] = [end.as_dict() for end in ends]
+        described["open_ends_caution"] = caution(ends)
 
 
 def show(content: Mapping[str, Any], console: Console) -> None:
@@ -78,6 +91,8 @@ def show(content: Mapping[str, Any], console: Console) -> None:
             rows.append((name, group, points, state["n_events"], reason))
             if state["stop_advice"]:
                 console.detail(f"{name} {group}: {state['stop_advice']}")
+        if described["open_ends_caution"]:
+            console.message(f"caution: {name}: {described['open_ends_caution']}")
         for stage, why in described["failures"].items():
             rows.append((name, stage.replace("_", "-"), None, None, f"failed: {words(why['reason'])}"))
         if not set(described["groups"]) - {"machine"} and not described["failures"]:

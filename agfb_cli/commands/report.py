@@ -114,10 +114,13 @@ def show(
     from pipelines.datasets.reading import case_attributes
     from pipelines.datasets.store import open_for_reading
     from pipelines.stages import step_errors
+    from pipelines.stages.curves.open_ends import caution as caution_of
+    from pipelines.stages.curves.open_ends import open_ends
 
     opened = open_for_reading(path)
     condensed = {case: condensation(opened, case) for case in found}
     uncertain = {case: unknown_step_errors(opened, case) for case in found}
+    loose = {case: open_ends(opened, case) for case in found}
     if console.json:
         cases = {
             case: {
@@ -125,6 +128,7 @@ def show(
                 "condensation_error": condensed[case][0],
                 "condensation_caution": condensed[case][1],
                 "points_without_step_error": uncertain[case][0],
+                "open_ends": [end.as_dict() for end in loose[case]],
             }
             for case, ranges in found.items()
         }
@@ -144,7 +148,8 @@ def show(
             console.data(f"condensed rotor: modes below the highest speed at most {100.0 * error:.2g} % off")
         if case in surveys:
             console.data(surveys[case].sentence())
-        for caution in filter(None, (*ranges.cautions, doubt, step_errors.caution(uncertain[case]))):
+        doubts = (*ranges.cautions, doubt, step_errors.caution(uncertain[case]), caution_of(loose[case]))
+        for caution in filter(None, doubts):
             console.message(f"caution: {case}: {caution}")
     for case in surveys:
         if case not in found:

@@ -98,7 +98,8 @@ class BifurcationSet(Table):
 
     kinds: tuple[Kind, ...] = table(
         "kinds of curves that are followed; without `fold` the search is faster where films "
-        "touch ambient pressure, but losses of stability by folds are missing",
+        "touch ambient pressure, but most losses of stability by folds are missing; the curve at which a "
+        "boundary of stable cycles goes on from the end of a Neimark-Sacker curve is followed in any case",
         ("period_doubling", "neimark_sacker", "fold"),
         min_length=1,
         max_length=3,

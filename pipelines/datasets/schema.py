@@ -591,7 +591,7 @@ CURVE = GroupSpec(
         _real(
             "event_width",
             "event",
-            "width of that tongue in the plane, or its bound if unresolved; missing for a wide one",
+            "width of that tongue in the plane: a bound if unresolved, a guess if it has no far side",
         ),
     ),
     row="point",

@@ -147,17 +147,17 @@ def test_tongues_of_the_other_resonance() -> None:
 
 
 def test_a_wide_tongue_has_one_side() -> None:
-    """Where the other is more than a few steps away the curve from there is left to the period doublings."""
+    """The other is more than a few steps away: the period doublings lead there.  Its width is guessed."""
     found = line(0.2, 1, maximum_step=0.02)
+    low, high = mathieu_tongue(1, 0.2)
     assert found.result.stop is CurveStop.RESONANCE_2
     (near,) = (special for special in found.specials if special.kind is SpecialKind.R2)
     assert near.tongue is TongueSide.NEAR
-    assert np.isnan(near.width)
+    assert near.width == pytest.approx(high - low, rel=0.3)
     flips, begin = joined_curve(problem(0.2), near)
-    assert around_tongue(OPTIONS, begin.width) == OPTIONS
     around = trace(flips, begin, replace(OPTIONS, ranges=((0.4, 2.5), (-4.0, 4.0))))
     far = [special for special in around.specials if special.parameters[0] > 2.0]
-    assert far[0].parameters[0] == pytest.approx(mathieu_tongue(1, 0.2)[1], abs=1e-6)
+    assert far[0].parameters[0] == pytest.approx(high, abs=1e-6)
 
 
 @pytest.mark.parametrize("cut", [3, 20])

@@ -80,16 +80,19 @@ def hidden_depth(points: SegmentPoints) -> float:
 def both_sides(
     points: SegmentPoints, bracket: Bracket, near: SpecialPoint, width: float
 ) -> tuple[SpecialPoint, ...] | None:
-    """The two sides of the tongue behind the ``near`` one; that one alone if the other is far away.
+    """The two sides of the tongue behind the ``near`` one; None for a tongue that is not resolved.
 
-    ``bracket``: in which it was located; ``width``: of the final bracket of the far side, in arclength.  None
-    for a tongue that is not resolved.
+    Without a far side within reach the near one alone, with a guess of the width.  ``bracket``: in which it
+    was located; ``width``: of the final bracket of the far side, in arclength.
     """
     side = replace(near, tongue=TongueSide.NEAR)
     if abs(bracket.tests[1]) < _ARRIVED and _depth_by_slope(points, bracket) <= hidden_depth(points):
         return None
     try:
-        behind = _far_bracket(points, bracket, near.fraction)
+        behind, guess = _far_bracket(points, bracket, near.fraction)
+        side = replace(
+            side, width=(guess - near.fraction) * _distance(points, points.segment.chord.parameters)
+        )
         located = None if behind is None else locate_special(points, behind, width, None)
         if located is None or located[0] is None:
             return (side,)
@@ -104,34 +107,36 @@ def both_sides(
     return replace(side, width=apart), replace(far, tongue=TongueSide.FAR, width=apart)
 
 
-def _far_bracket(points: SegmentPoints, bracket: Bracket, near: float) -> Bracket | None:
-    """Two fractions between which the tongue ends; None if its end is not within reach.
+def _far_bracket(points: SegmentPoints, bracket: Bracket, near: float) -> tuple[Bracket | None, float]:
+    """Two fractions between which the tongue ends, None if that is not within reach, and a guess where.
 
     ``near``: where it begins.  A step that ends inside is prolonged: the parabola through the last three
-    values tells how far.
+    values tells how far.  The guess is NaN where it opens downwards.
     """
     special = bracket.special
     inside, value = bracket.fractions[1], bracket.tests[1]
     if bracket.touching:
-        return Bracket(special, (inside, 1.0), (value, points.test_at_end(special)))
+        return Bracket(special, (inside, 1.0), (value, points.test_at_end(special))), 2.0 * inside - near
     if abs(value) < _ARRIVED:  # the step ends on the near side
         slope, bend = _slope_and_bend(points, bracket)
-        if not 0.0 < -slope <= 2.0 * _REACH * bend:
-            return None
-        inside = near - 0.5 * slope / bend
+        end = near - slope / bend if slope < 0.0 < bend else np.nan
+        if not end <= near + _REACH:
+            return None, end
+        inside = 0.5 * (near + end)
         value = points.test(special, inside, None)
     places, values = [bracket.fractions[0], near, inside], [bracket.tests[0], 0.0, value]
+    end = np.nan
     for _ in range(_LOOKS):
-        end = _second_zero(places, values)
-        if end is None or not inside < end <= near + _REACH:
-            return None
+        end = near + _second_zero(np.array(places) - near, values)
+        if not inside < end <= near + _REACH:
+            break
         probe = end + _BEHIND * (end - near)
         test = points.test(special, probe, None)
         if test > 0.0:
-            return Bracket(special, (inside, probe), (value, test))
+            return Bracket(special, (inside, probe), (value, test)), end
         places, values = [near, places[-1], probe], [0.0, values[-1], test]
         inside, value = probe, test
-    return None
+    return None, end
 
 
 def _slope_and_bend(points: SegmentPoints, bracket: Bracket) -> tuple[float, float]:
@@ -151,11 +156,11 @@ def _depth_by_slope(points: SegmentPoints, bracket: Bracket) -> float:
     return slope**2 / (4.0 * bend) if bend > 0.0 else np.inf
 
 
-def _second_zero(places: list[float], values: list[float]) -> float | None:
-    """The larger zero of the parabola through three values; None unless it opens upwards."""
+def _second_zero(places: Vector, values: list[float]) -> float:
+    """The larger zero of the parabola through three values; NaN unless it opens upwards."""
     bend, slope, level = np.polyfit(places, values, 2)
     inside = slope**2 - 4.0 * bend * level
-    return float((-slope + np.sqrt(inside)) / (2.0 * bend)) if bend > 0.0 and inside >= 0.0 else None
+    return float((-slope + np.sqrt(inside)) / (2.0 * bend)) if bend > 0.0 and inside >= 0.0 else np.nan
 
 
 def _unresolved(points: SegmentPoints, special: SpecialKind, middle: float, before: float) -> SpecialPoint:

@@ -5,5 +5,6 @@
 - tracing: one curve in its group
 - starts: where curves can start, and which start comes next
 - rows: conversion of the points of a curve to rows of the store, and back
+- open_ends: ends inside the plane from which no curve goes on
 - bifurcation_set: the search for all bifurcation curves of a plane
 """

@@ -28,6 +28,7 @@ from pipelines.machine.assembly import parameter_vector
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest, machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
 from pipelines.stages import step_errors
+from pipelines.stages.curves.open_ends import caution, open_ends
 from pipelines.stages.curves.parts import compute_curve, curve_is_needed, curve_parts
 from pipelines.stages.curves.rows import CONTAINERS
 from pipelines.stages.curves.starts import StartQueue
@@ -47,6 +48,7 @@ FREQUENCY: Literal["excitation_frequency"] = "excitation_frequency"
 LARGEST_ORDER = 2  # largest n of the principal resonances 2 Omega_j / n at which the first round has lines
 APART = 0.02  # of the plane's width: a resonance nearer than this to another line gets no line
 LINE_POINTS = 2000
+EVERY_KIND = (EventKind.PERIOD_DOUBLING, EventKind.NEIMARK_SACKER, EventKind.FOLD)
 SPEEDS_TRIED = 49  # for the lowest speed with a film
 
 
@@ -74,7 +76,9 @@ def plan_bifurcation_set(
 ) -> SearchPlan:
     """The search of a case; each line and each direction of a curve is a part."""
     job = Job.of("bifurcation-set", named, store_path, report, should_stop)
-    return SearchPlan(job, StartQueue(job, _kinds(named.case), named.case.bifurcation_set.boundaries))
+    kinds, boundaries = _kinds(named.case), named.case.bifurcation_set.boundaries
+    others = tuple(kind for kind in EVERY_KIND if kind not in kinds)
+    return SearchPlan(job, StartQueue(job, kinds, boundaries, others))
 
 
 @dataclass
@@ -189,8 +193,7 @@ def nothing_to_search(case: Case) -> str | None:
 
 def _kinds(case: Case) -> tuple[EventKind, ...]:
     """The kinds of curves that the search follows, always in the same order."""
-    every = (EventKind.PERIOD_DOUBLING, EventKind.NEIMARK_SACKER, EventKind.FOLD)
-    return tuple(kind for kind in every if kind.name.lower() in case.bifurcation_set.kinds)
+    return tuple(kind for kind in EVERY_KIND if kind.name.lower() in case.bifurcation_set.kinds)
 
 
 def _range(case: Case, parameter: str) -> Interval:
@@ -338,6 +341,7 @@ def _write(job: Job, lines: list[Line], lowest: float, complete: bool) -> None:
         "kinds": [kind.name.lower() for kind in _kinds(case)],
         "boundaries": case.bifurcation_set.boundaries,
         "complete": complete,
+        "open_ends": [end.as_dict() for end in open_ends(job.store, job.case_id)],
         "passive_instability_speed": None if passive is None else passive.speed,
         "lowest_speed": lowest,
     }
@@ -369,7 +373,9 @@ def covered(lines: list[Line], complete: bool) -> str:
 
 def _result(job: Job, lines: list[Line], complete: bool) -> StageResult:
     """The result of the search: a success if every curve is complete."""
-    results = {CONTAINERS[kind]: curves_result(job, kind) for kind in _kinds(job.case)}
+    kinds = _kinds(job.case)
+    traced = [kind for kind in EVERY_KIND if kind in kinds or job.groups(CONTAINERS[kind])]
+    results = {CONTAINERS[kind]: curves_result(job, kind) for kind in traced}
     summary: dict[str, Any] = {"lines": len(lines)}
     summary |= {f"{name} curves": result.summary["curves"] for name, result in results.items()}
     advice = [result.advice for result in results.values() if not result.ok]
@@ -379,4 +385,5 @@ def _result(job: Job, lines: list[Line], complete: bool) -> StageResult:
     ok = all(result.ok for result in results.values())
     doubt = step_errors.caution(step_errors.count_in(job.store, map(job.path, job.groups(*results))))
     sentences = "; ".join(filter(None, advice))
-    return StageResult(job.case_id, ok, sentence, sentences, summary, caution=doubt)
+    doubts = "; ".join(filter(None, (doubt, caution(open_ends(job.store, job.case_id)))))
+    return StageResult(job.case_id, ok, sentence, sentences, summary, caution=doubts)

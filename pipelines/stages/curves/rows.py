@@ -15,7 +15,8 @@ from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveProblem
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
-from pipelines.datasets.records import Branch, Group, Resume
+from pipelines.datasets.branch import BranchWriter
+from pipelines.datasets.records import Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS
@@ -62,7 +63,7 @@ class CurveRecorder:
         self,
         machine: Machine,
         problem: CurveProblem,
-        curve: Branch,
+        curve: BranchWriter,
         case: Case,
         report_point: Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None],
     ) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipelines.bifurcations.curve import CurveStart, CurveStop
+from pipelines.bifurcations.curve import CurveStart, CurveStop, SpecialKind
 from pipelines.bifurcations.curves.codimension_two import other_multipliers, resonant_end, second_bifurcation
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
@@ -36,7 +36,8 @@ class Start:
     """A bifurcation at which a curve may start.
 
     ``turns``: number of excitation periods in the cycles; ``bounds``: whether the curve bounds stable cycles
-    there, since all multipliers but the critical ones lie inside the unit circle.
+    there, since all multipliers but the critical ones lie inside the unit circle; ``continues``: whether it
+    goes on where a Neimark-Sacker curve ends at R1 or R2.
     """
 
     origin: Origin
@@ -44,6 +45,7 @@ class Start:
     guess: CurveStart
     turns: int
     bounds: bool
+    continues: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,9 @@ class PendingCurve:
 class StartQueue:
     """The starts of a case's curves in the order of kinds and groups, read from the store at every call.
 
-    ``boundaries``: only starts that bound stable cycles.  ``without``: branches whose bifurcations are not
+    ``boundaries``: only starts that bound stable cycles.  ``continued``: further kinds, of which curves are
+    followed only where they continue the boundary of stable cycles at the end of a Neimark-Sacker curve.
+    ``without``: branches whose bifurcations are not
     taken into account yet.  ``settled``: starts that need no curve, whatever
     curves follow.  Of these, ``outside`` lie outside the plane, ``refused`` exceed the largest number of
     curves, and the others lie on a curve.
@@ -80,6 +84,7 @@ class StartQueue:
     job: Job
     kinds: Sequence[EventKind]
     boundaries: bool = False
+    continued: Sequence[EventKind] = ()
     without: frozenset[str] = frozenset()
     settled: set[tuple[EventKind, Origin]] = field(default_factory=set)
     outside: int = 0
@@ -88,10 +93,12 @@ class StartQueue:
     def pending(self) -> Iterator[PendingCurve]:
         """An unfinished curve if there is one; then the starts that are on no curve yet, in their order."""
         candidates: list[PendingCurve] = []
-        for kind in self.kinds:
+        for kind in (*self.kinds, *self.continued):
             known = curves_of(self.job, kind)
             origins = {name: Origin.of(curve.attributes) for name, curve in known.items()}
             for start in starts_of(self.job, kind, self.without):
+                if kind in self.continued and not (start.continues and start.bounds):
+                    continue
                 mine = tuple(name for name in known if origins[name] == start.origin)
                 if mine and not _is_finished(self.job, start, [known[name] for name in mine]):
                     yield PendingCurve(start, mine, known)
@@ -207,7 +214,9 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
         second = second_bifurcation(other, special, problem.period_map.autonomous)
         if second is not None and second.kind is kind:
             joined, guess = curve_of_second(problem, special, second)
-            yield Start(Origin(group, index), joined, guess, turns, unstable_count(second.others, False) == 0)
+            bounds = unstable_count(second.others, False) == 0
+            ends = other is EventKind.NEIMARK_SACKER and special.kind in (SpecialKind.R1, SpecialKind.R2)
+            yield Start(Origin(group, index), joined, guess, turns, bounds, ends and kind is not other)
 
 
 def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:

@@ -260,7 +260,10 @@ def set_cautions(searched: dict[str, Any] | Any) -> list[str]:
         [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
     )
     if "fold" not in searched.get("kinds", ("fold",)):
-        cautions.append("folds were not traced (bifurcation_set.kinds): stability may end earlier at a fold")
+        cautions.append(
+            "folds were not traced (bifurcation_set.kinds), except where Neimark-Sacker curves end: "
+            "stability may end earlier at a fold"
+        )
     if searched.get("boundaries", False):
         cautions.append(
             "only curves that bound stable cycles where a branch or a curve meets them were traced "
