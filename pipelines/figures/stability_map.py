@@ -249,12 +249,17 @@ def _draw_incomplete_ends(axes: Axes, view: PlaneView) -> list[Line2D]:
 
 
 def special_points(view: PlaneView) -> list[tuple[str, float, float, bool]]:
-    """Kind, position and whether it was located, of every point of codimension two; shared points once."""
+    """Kind, position and whether it was located, of every point of codimension two; shared points once.
+
+    A tongue that is not resolved counts as not located.
+    """
     found: list[tuple[str, float, float, bool]] = []
     width, height = (float(np.ptp(view.ranges[name])) for name in (view.x, view.y))
     for table in view.tables.values():
         columns = [table.optional(name) for name in ("event_kind", f"event_{view.x}", f"event_{view.y}")]
         located = np.isfinite(table.optional("event_residual"))
+        if (tongue := table.optional("event_tongue")).size:
+            located &= tongue != "unresolved"
         for kind, x, y, ok in zip(*columns, located, strict=True):
             same = (
                 name == kind and abs(x - u) <= ALIKE * width and abs(y - v) <= ALIKE * height

@@ -80,6 +80,7 @@ def write_curve(
             "event_kind": KINDS["curve"].array("event_kind").flag(kind), "event_after_point": near,
             "event_speed": speed, "event_excitation_frequency": frequency, "event_displacement": 0.2,
             "event_foil_stiffness": 10.0, "event_period": 9.0, "event_angle": 2.0, "event_residual": 1e-10,
+            "event_tongue": -1, "event_width": np.nan,
         })  # fmt: skip
     events.sort(key=lambda event: event["event_after_point"])
     extra = {"period": 9.0, "step": 0.02, "kappa": 0.3, "kappa_slope": 0.0, "newton_iterations": 4,

@@ -8,7 +8,7 @@ curve goes on is not known.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -80,8 +80,11 @@ def _curve_groups(store: Store, case: str) -> Iterator[tuple[str, str]]:
 
 
 def _read(store: Store, path: str) -> Group:
-    free = read_group(store, path, ()).attributes["parameters"]
-    return read_group(store, path, (*_NAMES, *free))
+    attributes = read_group(store, path, ()).attributes
+    held = {*_NAMES, *attributes["parameters"]}.intersection(attributes["arrays"])
+    curve = read_group(store, path, sorted(held))
+    stateless = {"state": np.zeros((curve.n_points, 1))}  # a store may be written without its states
+    return replace(curve, arrays=stateless | curve.arrays)
 
 
 def _open_ends_of(store: Store, case: str, name: str, curves: Mapping[str, Group]) -> Iterator[OpenEnd]:

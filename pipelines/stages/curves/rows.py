@@ -200,6 +200,13 @@ def special_names(attributes: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(name for name in attributes["arrays"] if name.startswith("event_"))
 
 
+def special_labels(curve: Group) -> list[str]:
+    """What the codimension-two points of a curve are, from its event_kind and, if any, event_tongue."""
+    sides = curve.labels("event_tongue") if "event_tongue" in curve.arrays else curve.labels("event_kind")
+    pairs = zip(curve.labels("event_kind").tolist(), sides.tolist(), strict=True)
+    return ["unresolved tongue" if side == "unresolved" else kind.replace("_", " ") for kind, side in pairs]
+
+
 def stored_special(curve: Group, index: int) -> SpecialPoint:
     """A located codimension-two point read back; ``curve`` must have its arrays ``special_names``."""
     arrays = curve.arrays
