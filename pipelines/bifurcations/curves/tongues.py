@@ -30,7 +30,7 @@ from pipelines.bifurcations.curves.segment import (
 from pipelines.bifurcations.detection import EventKind
 from pipelines.orbits.system import Vector
 
-RESOLVED = 4.0  # errors of the multipliers by which they must differ inside a tongue
+_RESOLVED = 4.0  # errors of the multipliers by which they must differ inside a tongue
 _REACH = 2.0  # steps behind the near side within which the far side is looked for
 _BEHIND = 0.25  # of the width of a tongue, beyond its far side: there it has ended for certain
 _LOOKS = 4
@@ -74,7 +74,7 @@ def hidden_depth(points: SegmentPoints) -> float:
     """The largest depth D of a tongue that the error of the multipliers hides."""
     options = points.segment.problem.options
     error = float(np.fmax(options.step_tolerance, points.segment.end.point.step_error))
-    return max((RESOLVED * error) ** 2 / 8.0, options.multiplier_tolerance)
+    return max((_RESOLVED * error) ** 2 / 8.0, options.multiplier_tolerance)
 
 
 def both_sides(

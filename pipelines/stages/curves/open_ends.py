@@ -91,7 +91,7 @@ def _open_ends_of(store: Store, case: str, name: str, curves: Mapping[str, Group
     curve = curves[name]
     if curve.n_points == 0:
         if curve.attributes["status"] == ENDED:
-            yield OpenEnd(name, _place_of_origin(store, case, curve), curve.attributes["stop_advice"], True)
+            yield OpenEnd(name, _place_of_origin(store, case, curve), _advice(curve), True)
         return
     for row, reason in ((0, _why_first_is_open(name, curves)), (-1, _why_last_is_open(name, curves))):
         if reason:
@@ -121,7 +121,12 @@ def _why_last_is_open(name: str, curves: Mapping[str, Group]) -> str:
         return "still running, or interrupted: run again"
     if reason in _RESONANT:
         return _why_resonance_is_open(name, curves, -1)
-    return "" if reason in _CLOSED else str(curve.attributes["stop_advice"])
+    return "" if reason in _CLOSED else _advice(curve)
+
+
+def _advice(curve: Group) -> str:
+    """The advice stored at the end of a curve, or else the reason."""
+    return str(curve.attributes["stop_advice"]) or str(curve.attributes["stop_reason"]).replace("_", " ")
 
 
 def _is_resonant(curve: Group, row: int) -> bool:
