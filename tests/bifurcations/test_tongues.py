@@ -46,7 +46,9 @@ def line(h: float, order: int, **options: float) -> Run:
 
 
 @pytest.mark.parametrize(
-    ("order", "h"), [(1, 1e-2), (1, 1e-3), (1, 1e-4), (3, 0.3), (3, 0.1)], ids=lambda value: f"{value:g}"
+    ("order", "h"),
+    [(1, 1e-2), (1, 1e-3), (1, 1e-4), (1, 1e-5), (3, 0.3), (3, 0.1)],
+    ids=lambda value: f"{value:g}",
 )
 def test_a_resolved_tongue_is_followed_around(order: int, h: float) -> None:
     """It is h wide at omega = 2, and 1e-4 at omega = 2/3 for h = 0.1."""
@@ -60,7 +62,7 @@ def test_a_resolved_tongue_is_followed_around(order: int, h: float) -> None:
     error = 1e-6  # of the multipliers by the time steps, whose angle changes by more than one per frequency
     assert near.parameters[0] == pytest.approx(low, abs=error)
     assert far.parameters[0] == pytest.approx(high, abs=error)
-    assert near.width == far.width == pytest.approx(high - low, rel=2e-3)
+    assert near.width == far.width == pytest.approx(high - low, rel=5e-3)
 
     # the period doublings go once around the tongue, through both resonances
     flips, begin = joined_curve(problem(h), near)
@@ -76,13 +78,13 @@ def test_a_resolved_tongue_is_followed_around(order: int, h: float) -> None:
     assert damping.max() == pytest.approx(LEVER * (high - low) * order / 4.0, rel=max(0.02, 0.6 * h * order))
     assert damping.min() == pytest.approx(-damping.max(), rel=1e-2)
 
-    # and the Neimark-Sacker curve goes on behind it, in whatever direction it is asked for
+    # and the Neimark-Sacker curve goes on behind it, in whatever direction it is asked for; trial steps of
+    # 5e-5 find its sense, also where they cross the tongue
+    behind = replace(OPTIONS, ranges=((0.4, high + 0.1), (-1.0, 1.0)), step=0.05)
     beyond, begin = joined_curve(problem(h), far)
     assert beyond.kind is NS
     for direction in (1, -1):
-        rest = trace(
-            beyond, begin, replace(OPTIONS, ranges=((0.4, high + 0.1), (-1, 1)), direction=direction)
-        )
+        rest = trace(beyond, begin, replace(behind, direction=direction))
         assert rest.result.stop is CurveStop.RANGE
         assert rest.points[0].parameters[0] == pytest.approx(high, abs=error)
         assert rest.points[-1].parameters[0] == high + 0.1

@@ -84,7 +84,7 @@ def _read(store: Store, path: str) -> Group:
     held = {*_NAMES, *attributes["parameters"]}.intersection(attributes["arrays"])
     curve = read_group(store, path, sorted(held))
     stateless = {"state": np.zeros((curve.n_points, 1))}  # a store may be written without its states
-    return replace(curve, arrays=stateless | curve.arrays)
+    return replace(curve, arrays={**stateless, **curve.arrays})
 
 
 def _open_ends_of(store: Store, case: str, name: str, curves: Mapping[str, Group]) -> Iterator[OpenEnd]:
