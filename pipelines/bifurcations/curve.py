@@ -117,7 +117,8 @@ class CurveState(ResumableState):
     ``cos_theta``: the bordering of the test function; ``cos_theta_slope``: its derivative by arclength;
     ``tests`` (11,): values of the special test functions in the order of ``SpecialKind``; ``previous_*`` is
     the point before, NaN at the first one; ``step`` is the next arclength step; ``steps`` are per period and
-    leave ``step_error`` in the multipliers; ``start_*``: the first point.
+    leave ``step_error`` in the multipliers; ``start_*``: the first point; ``clipping_width``: half width of
+    the regularised map on whose curve the point lies, zero for the exact one.
     """
 
     index: int
@@ -153,6 +154,7 @@ class CurveState(ResumableState):
     start_state: Vector
     start_period: float
     start_parameters: Vector
+    clipping_width: float = 0.0
 
     @property
     def position(self) -> Position:
@@ -193,7 +195,9 @@ class CurvePoint:
     or not defined; ``newton_iterations``: before the time steps were refined; ``step_error``: estimated error
     of the multipliers by the time steps, NaN where it is unknown; ``residual_norms`` and ``test_values``:
     history of the corrector; ``unlocated``: special points that were detected in the step to this point but
-    could not be located.
+    could not be located; ``clipping_width``: as in CurveState; ``width_effect``: estimated distance of the
+    point from the curve of the exact map, in the plane of the parameters divided by their scales, zero where
+    that map was used and NaN where it is unknown.
     """
 
     kind: EventKind
@@ -208,6 +212,8 @@ class CurvePoint:
     newton_iterations: int = 0
     step_error: float = math.nan
     unlocated: tuple[SpecialKind, ...] = ()
+    clipping_width: float = 0.0
+    width_effect: float = 0.0
 
     @property
     def angle(self) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -45,10 +45,12 @@ from pipelines.bifurcations.curve import (
 from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end, without_rounding
 from pipelines.bifurcations.curves.double_passages import dip_beyond, dip_through
 from pipelines.bifurcations.curves.first_point import columns_of, curve_metric, required_steps_of, start_curve
+from pipelines.bifurcations.curves.kinks import attempt_past_kinks
 from pipelines.bifurcations.curves.segment import (
     Bracket,
     CurveEnd,
     CurveSegment,
+    CurveStep,
     SegmentPoints,
     curve_end,
     locate_special,
@@ -105,20 +107,7 @@ def continue_curve(
     return follow(tracer, start, remembered, limit, should_stop)
 
 
-@dataclass(frozen=True)
-class _Step:
-    """An accepted step: its end, its length and the special points on it."""
-
-    end: CurveEnd
-    length: float
-    found: tuple[SpecialPoint, ...]
-
-    @property
-    def point(self) -> CurvePoint:
-        return self.end.point
-
-
-class _Curve(Tracer[CurveState, _Step]):
+class _Curve(Tracer[CurveState, CurveStep]):
     """A bifurcation curve as the driver sees it; it keeps its points to detect when it meets itself."""
 
     stops = CurveStop
@@ -156,14 +145,11 @@ class _Curve(Tracer[CurveState, _Step]):
             return CurveStop.RANGE
         return CurveStop.MAXIMUM_POINTS if state.index + 1 >= self.options.max_points else None
 
-    def attempt(self, state: CurveState) -> _Step | Rejected:
-        """One step: predict, correct, test, locate."""
-        try:
-            return self._attempt(state)
-        except np.linalg.LinAlgError:
-            return Rejected("a matrix of the step is singular")
+    def attempt(self, state: CurveState) -> CurveStep | Rejected:
+        """One step: predict, correct, test, locate; past a kink of the equations on regularised maps."""
+        return attempt_past_kinks(self.problem, state, self.options, self._attempt, self.advance)
 
-    def ends_before(self, state: CurveState, step: _Step) -> tuple[CurveStop, str] | None:
+    def ends_before(self, state: CurveState, step: CurveStep) -> tuple[CurveStop, str] | None:
         """Whether the curve runs along a known one, or along itself."""
         name = _along(state, step.end, self._traced, self.options)
         metric = curve_metric(self.problem, self.options, state.start)
@@ -172,8 +158,9 @@ class _Curve(Tracer[CurveState, _Step]):
             name = _along(state, step.end, itself, self.options, same_sense=True)
         return None if name is None else (CurveStop.TRACED, f"it runs along {name}")
 
-    def advance(self, state: CurveState, step: _Step) -> CurveState:
+    def advance(self, state: CurveState, step: CurveStep) -> CurveState:
         """The state after an accepted step; the step length follows the count of the corrector."""
+        state = step.begin
         bend = step.end.tangent.minus(state.tangent).scaled(1.0 / step.length)
         return replace(
             state,
@@ -185,11 +172,18 @@ class _Curve(Tracer[CurveState, _Step]):
             arclength=state.arclength + step.length,
             previous_tests=state.tests,
             previous_arclength=state.arclength,
+            clipping_width=step.point.clipping_width,
             **columns_of(self.problem, step.end),
         )
 
-    def _attempt(self, state: CurveState) -> _Step | Rejected:
-        problem, options = self.problem, self.options
+    def _attempt(self, problem: CurveProblem, state: CurveState) -> CurveStep | Rejected:
+        try:
+            return self._step(problem, state)
+        except np.linalg.LinAlgError:
+            return Rejected("a matrix of the step is singular")
+
+    def _step(self, problem: CurveProblem, state: CurveState) -> CurveStep | Rejected:
+        options = self.options
         metric = curve_metric(problem, options, state.start)
         cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
         steps = next_steps(cycles, state.steps, state.step_error)
@@ -349,7 +343,7 @@ def _segment(
 
 def _with_specials(
     segment: CurveSegment, state: CurveState, options: CurveOptions, accept_anyway: bool
-) -> _Step | Rejected:
+) -> CurveStep | Rejected:
     """Detect and locate the special points of a segment, which is cut where a Neimark-Sacker curve ends."""
     specials: list[SpecialPoint] = []
     unlocated: list[SpecialKind] = []
@@ -370,7 +364,7 @@ def _with_specials(
             end, limit = there, point.fraction
     kept = tuple(sorted((p for p in specials if p.fraction <= limit), key=lambda point: point.fraction))
     end = replace(end, point=replace(end.point, unlocated=tuple(unlocated)))
-    return _Step(end, segment.metric.norm(end.position.minus(segment.start)), kept)
+    return CurveStep(state, end, segment.metric.norm(end.position.minus(segment.start)), kept)
 
 
 def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -> list[Bracket]:

@@ -60,11 +60,26 @@ class TrackCurves(Table):
         max_length=5,
     )
 
-    @field_validator("normal_form_widths")
+    clipping_widths: tuple[Number, ...] = table(
+        "half widths, as parts of ambient pressure, over which `gumbel` clipping is smoothed to lead a curve "
+        "past its kinks, tried in this order; with none a curve ends there",
+        (0.005, 0.01, 0.02, 0.04),
+        unit="1",
+        max_length=10,
+    )
+
+    @field_validator("normal_form_widths", "clipping_widths")
     @classmethod
     def _positive_widths(cls, value: tuple[float, ...]) -> tuple[float, ...]:
         if any(not 0.0 < width <= 1.0 for width in value):
             raise InconsistentError("must lie in 0 < width <= 1, in parts of ambient pressure")
+        return value
+
+    @field_validator("clipping_widths")
+    @classmethod
+    def _increasing_widths(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        if list(value) != sorted(set(value)):
+            raise InconsistentError("must increase: a small width displaces a curve least and is tried first")
         return value
 
     @field_validator("parameters")

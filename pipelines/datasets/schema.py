@@ -530,6 +530,27 @@ CURVE = GroupSpec(
             "estimated error of the multipliers by the time steps; unknown where missing",
         ),
         _real(
+            "clipping_width",
+            "point",
+            "half width over ambient pressure of the regularised clipping with which the point was computed; "
+            "0: as the case says",
+        ),
+        _real(
+            "width_effect",
+            "point",
+            "estimated distance of the point from the curve without regularisation, in the plane of the free "
+            "parameters (a foil stiffness over that of the case); unknown where missing",
+        ),
+        _real(
+            "grazing_gauge",
+            "point",
+            "stationary pressure, over angle and time, that is nearest to ambient: its excess over ambient; "
+            "none (NaN) where no film has gumbel clipping",
+        ),
+        _count("grazing_bearing", "point", "bearing of grazing_gauge"),
+        _real("grazing_angle", "point", "circumferential coordinate of grazing_gauge", "rad"),
+        _real("grazing_phase", "point", "phase of the excitation of grazing_gauge", "rad"),
+        _real(
             "directions",
             "slot direction extended",
             "tangent, normal, gradient of the test function and bend of the curve at the newest point: "

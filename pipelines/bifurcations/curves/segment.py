@@ -18,7 +18,7 @@ from pipelines.bifurcations.critical.critical_cycles import (
     with_sharp_left,
 )
 from pipelines.bifurcations.critical.cycle_manifold import manifold_step
-from pipelines.bifurcations.curve import CurvePoint, SpecialKind, SpecialPoint
+from pipelines.bifurcations.curve import CurvePoint, CurveState, SpecialKind, SpecialPoint
 from pipelines.bifurcations.curves.codimension_two import (
     genuine,
     other_multipliers,
@@ -60,6 +60,20 @@ class CurveEnd:
     bordering: BorderingVectors
     tests: Vector
     cos_theta_slope: float
+
+
+@dataclass(frozen=True)
+class CurveStep:
+    """An accepted step: the state it begins from, its end, its length and the special points on it."""
+
+    begin: CurveState
+    end: CurveEnd
+    length: float
+    found: tuple[SpecialPoint, ...]
+
+    @property
+    def point(self) -> CurvePoint:
+        return self.end.point
 
 
 def curve_end(

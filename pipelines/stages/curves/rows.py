@@ -19,6 +19,7 @@ from pipelines.datasets.records import Branch, Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS
+from pipelines.orbits.grazing import Graze, nearest_graze
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.stages.parameter_columns import parameter_columns, stored_parameters
 
@@ -70,12 +71,14 @@ class CurveRecorder:
         self._machine, self._problem, self._curve = machine, problem, curve
         self._case, self._report_point = case, report_point
         self._shape: CycleShape | None = None
+        self._graze: Graze | None = None
 
     def limit(self, point: CurvePoint) -> str | None:
         """The reason why a point is not physical: a film too thin, or a pressure below vacuum; else None."""
         cycle = point.cycle
         multiple = self._problem.period_map.period_multiple
         self._shape = cycle_shape(self._machine, cycle.image.orbit, cycle.parameters, multiple, snapshots=0)
+        self._graze = nearest_graze(self._machine, cycle.image.orbit, multiple)
         return unphysical(self._shape, self._case.continue_cycles.minimum_film)
 
     def record(self, point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
@@ -85,7 +88,8 @@ class CurveRecorder:
         rows = [special_row(case, special, after) for special in specials]
         rows += [_unlocated_row(case, kind, point, after) for kind in point.unlocated]
         autonomous = self._problem.period_map.autonomous
-        self._curve.commit(point_row(case, point, state, self._shape, autonomous), _slots(state), rows)
+        row = point_row(case, point, state, self._shape, autonomous) | _graze_columns(self._graze)
+        self._curve.commit(row, _slots(state), rows)
         self._report_point(point, state, specials)
 
 
@@ -122,7 +126,16 @@ def point_row(
         "alignment": point.alignment,
         "steps_per_period": state.steps,
         "step_error": state.step_error,
+        "clipping_width": state.clipping_width,
+        "width_effect": point.width_effect,
     }
+
+
+def _graze_columns(graze: Graze | None) -> dict[str, Any]:
+    """Where the film comes nearest to touching ambient pressure without slope."""
+    if graze is None:
+        graze = Graze(np.nan, -1, np.nan, np.nan)
+    return {f"grazing_{name}": value for name, value in vars(graze).items()}
 
 
 def _criticality(point: CurvePoint) -> int:
@@ -244,6 +257,7 @@ def resumed_state(newest: Resume, rows: Mapping[str, Array], names: tuple[str, s
         "previous_arclength": rows["arclength"][previous],
         "steps": row["steps_per_period"],
         "step_error": row["step_error"],
+        "clipping_width": row["clipping_width"],
         "basis": slots["basis"][:, :columns],
         "start_state": rows["state"][0],
         "start_period": rows["period"][0],

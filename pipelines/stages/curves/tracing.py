@@ -11,7 +11,7 @@ from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.stages.curves.rows import RESUMED, CurveRecorder, curve_sizes, resumed_state, traced
 from pipelines.stages.curves.starts import WANTING_POINTS, Start, parameter_scales
-from pipelines.stages.cycles.problem import EVENT_SHARE, NORMAL_FORM, smooth_maps
+from pipelines.stages.cycles.problem import EVENT_SHARE, NORMAL_FORM, kinks_of, smooth_maps
 from pipelines.stages.ending import store_end
 from pipelines.stages.job import Job, coordinates
 
@@ -46,7 +46,7 @@ def _follow(
     job: Job, start: Start, group: str, curve: BranchWriter, direction: int, known: Mapping[str, KnownCurve]
 ) -> None:
     case = job.case
-    problem = start.problem
+    problem = replace(start.problem, kinks=kinks_of(case, job.machine, start.problem.period_map))
     if case.track_curves.normal_forms:
         smooth = smooth_maps(case, problem.period_map, case.track_curves.normal_form_widths)
         problem = replace(problem, smooth_maps=smooth)
