@@ -41,7 +41,9 @@ from pipelines.orbits.system import Matrix
 Attempt = Callable[[CurveProblem, CurveState], CurveStep | Rejected]
 Advance = Callable[[CurveState, CurveStep], CurveState]
 
-_RECOVERED = 8.0  # times the length of a short step: the kink lies behind
+_SHORTEST, _LONGEST = 4.0, 1000.0  # a step is short below 4 shortest ones or a 1000th of the longest one
+_TRIED = 4.0  # times that length: first step on a smoother map
+_RECOVERED = 8.0  # likewise: the kink lies behind, the exact map is tried again
 _ALIKE = 0.9  # cosine between the critical vectors of one curve before and after a change of the width
 _RETREAT = 4.0  # ratio of the distances by which a smoother curve may begin further back
 _NEAR = 0.5  # of the step: a point that moves further may come to another curve
@@ -63,8 +65,8 @@ def attempt_past_kinks(
 
 
 def short_step(options: CurveOptions) -> float:
-    """The length below which steps are short: the geometric mean of the shortest and the longest one."""
-    return math.sqrt(options.minimum_step * options.maximum_step)
+    """The length below which steps are short: a few times the shortest one, or a small part of the longest."""
+    return min(options.maximum_step, max(_SHORTEST * options.minimum_step, options.maximum_step / _LONGEST))
 
 
 def _stops_at_kink(problem: CurveProblem, state: CurveState, options: CurveOptions, step: Rejected) -> bool:
@@ -120,9 +122,9 @@ def _step_ahead(
 ) -> CurveStep | None:
     """The step along the curve of ``begin`` that comes to more than ``back`` behind it; None if none does."""
     own, short = problem.with_width(begin.clipping_width), short_step(options)
-    shortest, passed = max(options.minimum_step, short / _RECOVERED), begin.arclength + back
-    state = replace(begin, step=max(begin.step, short + back))
-    while state.step >= shortest:
+    passed = begin.arclength + back
+    state = replace(begin, step=min(options.maximum_step, _TRIED * short + back))
+    while state.step >= short:
         step = attempt(own, state)
         if isinstance(step, Rejected):
             state = replace(state, step=step.factor * state.step)
