@@ -113,11 +113,12 @@ def show(
     """Tables on stdout, cautions on stderr; or one JSON document."""
     from pipelines.datasets.reading import case_attributes
     from pipelines.datasets.store import open_for_reading
-    from pipelines.stages import step_errors
+    from pipelines.stages import regularised, step_errors
 
     opened = open_for_reading(path)
     condensed = {case: condensation(opened, case) for case in found}
-    uncertain = {case: unknown_step_errors(opened, case) for case in found}
+    uncertain = {case: step_errors.count_in(opened, curves_of(opened, case)) for case in found}
+    smooth = {case: regularised.count_in(opened, curves_of(opened, case)) for case in found}
     if console.json:
         cases = {
             case: {
@@ -125,6 +126,7 @@ def show(
                 "condensation_error": condensed[case][0],
                 "condensation_caution": condensed[case][1],
                 "points_without_step_error": uncertain[case][0],
+                **regularised.as_json(smooth[case]),
             }
             for case, ranges in found.items()
         }
@@ -142,6 +144,8 @@ def show(
         error, doubt = condensed[case]
         if error is not None:
             console.data(f"condensed rotor: modes below the highest speed at most {100.0 * error:.2g} % off")
+        if where := regularised.in_words(smooth[case]):
+            console.data(f"curves past kinks of the clipping: {regularised.NAME} {where}")
         if case in surveys:
             console.data(surveys[case].sentence())
         for caution in filter(None, (*ranges.cautions, doubt, step_errors.caution(uncertain[case]))):
@@ -161,14 +165,12 @@ def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:
     return attributes.get("condensation_error"), attributes.get("caution", "")
 
 
-def unknown_step_errors(store: StoreOnDisk, case: str) -> tuple[int, int]:
-    """Points of the case's curves whose error by the time steps is unknown, and all of their points."""
+def curves_of(store: StoreOnDisk, case: str) -> list[str]:
+    """Full names of the curves of a case."""
     from pipelines.datasets.reading import list_groups
     from pipelines.datasets.store import local_name
-    from pipelines.stages.step_errors import count_in
 
-    curves = [name for name in list_groups(store, case) if local_name(name).split("/")[0] in CURVES]
-    return count_in(store, curves)
+    return [name for name in list_groups(store, case) if local_name(name).split("/")[0] in CURVES]
 
 
 def as_json(ranges: OperatingRange) -> dict[str, Any]:

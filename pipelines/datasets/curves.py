@@ -32,7 +32,8 @@ class BifurcationCurve:
     ``arclength`` (n,), increasing; ``points`` and ``slopes`` = d points / d arclength, both (n, 2), in the
     order of ``parameters``; ``unstable`` (n,) multipliers outside the circle, critical ones left out, -1
     where unknown; ``criticality`` (n,) of "subcritical", "supercritical", "unset"; ``angle`` (n,) of the
-    critical multiplier [rad]; ``special`` (e,) arclengths of the points of codimension two, increasing.
+    critical multiplier [rad]; ``special`` (e,) arclengths of the points of codimension two, increasing;
+    ``clipping_width`` (n,) of the regularised clipping, 0 where a point is exact.
     """
 
     name: str
@@ -47,6 +48,7 @@ class BifurcationCurve:
     criticality: NDArray[np.str_]
     angle: Array
     special: Array
+    clipping_width: Array
 
     @property
     def is_complete(self) -> bool:
@@ -121,6 +123,15 @@ class BifurcationCurve:
             return row, row
         return (row + 1, row + 1) if len(inside) and arclength > inside[-1] else (row, row + 1)
 
+    def regularised(self) -> list[tuple[float, float]]:
+        """Intervals of the arclength between neighbouring rows of which one has regularised clipping."""
+        smooth = self.clipping_width > 0.0
+        between = np.concatenate([[False], smooth[1:] | smooth[:-1], [False]])
+        starts, ends = (np.flatnonzero(np.diff(between.astype(int)) == sign) for sign in (1, -1))
+        return [
+            (float(self.arclength[i]), float(self.arclength[j])) for i, j in zip(starts, ends, strict=True)
+        ]
+
     def stretches(self) -> Array:
         """Arclengths (m,) of the rows and special points; the kind is constant between two of them."""
         return np.unique(np.concatenate([self.arclength, self.special]))
@@ -161,6 +172,7 @@ def read_curve(
         criticality=np.asarray(arrays.get("criticality", np.full(count, UNKNOWN)), dtype=np.str_),
         angle=np.asarray(arrays.get("angle", np.full(count, np.nan)), dtype=np.float64),
         special=_special(arrays, names, arclength, points),
+        clipping_width=np.asarray(arrays.get("clipping_width", np.zeros(count)), dtype=np.float64),
     )
     return curve
 

@@ -226,6 +226,19 @@ def draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     return handles
 
 
+def _draw_regularised(axes: Axes, view: PlaneView) -> list[Line2D]:
+    """A pale band along the parts of curves that were computed with regularised clipping."""
+    band: dict[str, Any] = {"linewidth": 5.0, "alpha": 0.25, "solid_capstyle": "butt", "zorder": 2.0}
+    found = False
+    for curve in view.curves:
+        for low, high in curve.regularised():
+            rows = np.count_nonzero((curve.arclength >= low) & (curve.arclength <= high))
+            points = curve.at(np.linspace(low, high, SAMPLES * (rows - 1) + 1))[:, view.order(curve)]
+            axes.plot(points[:, 0], points[:, 1], color=CURVE_KINDS[curve.bifurcation][1], **band)
+            found = True
+    return [Line2D([], [], color=INK, label="regularised clipping", **band)] if found else []
+
+
 def incomplete_ends(view: PlaneView) -> list[tuple[str, float, float]]:
     """Kind of bifurcation and position where a curve continues but was not traced."""
     complete = {curve.name for curve in view.curves if curve.is_complete}
@@ -302,6 +315,7 @@ def _draw_errors(axes: Axes, view: PlaneView) -> list[Line2D]:
 # layer here and its name to drawing.BESIDE.
 LAYERS: tuple[Layer, ...] = (
     draw_curves,
+    _draw_regularised,
     _draw_special_points,
     _draw_incomplete_ends,
     _draw_stable_range,

@@ -1,9 +1,9 @@
 """Where an orbit grazes the ambient pressure: a film touches it without slope over angle and time.
 
 At a station along the bearing the gauge pressure u = p - 1 is a function of the angle theta and the phase
-alpha.  The set u > 0, over which Guembel's force integrates, changes its shape where u is zero and stationary:
-a part of it appears at a maximum, a hole at a minimum, and two parts join at a saddle.  Beside a node of the
-grid of angles and samples, with differences D of second order,
+alpha.  The set u > 0, over which Guembel's force integrates, changes its shape where u is zero and
+stationary: a part of it appears at a maximum, a hole at a minimum, and two parts join at a saddle.  Beside a
+node of the grid of angles and samples, with differences D of second order,
 
     u = u_0 + g.d + 1/2 d.H d,    g = Du,  H = D^2 u,    stationary at d = -H^-1 g with u = u_0 + 1/2 g.d
 
@@ -39,7 +39,7 @@ class Graze:
 
 @dataclass(frozen=True)
 class StationaryPoints:
-    """Values (n,) of a function of two variables where it is stationary, at rows and columns (n,) of its grid."""
+    """Values (n,) of a function of two variables where it is stationary, and their rows and columns (n,)."""
 
     values: Array
     rows: Array

@@ -5,6 +5,7 @@
 - parts: what of a stage may be computed side by side
 - parameter_columns: parameters of a solution as columns, and back
 - step_errors: points whose time-step error is unknown
+- regularised: points of curves that were computed with regularised clipping
 - ending: the reason why a branch or curve ended, and whether it is a success
 - linear: `agfb linearize`, `agfb criticals` and `agfb unbalance-response`
 - cycles: `agfb continue-cycles`: branches of cycles

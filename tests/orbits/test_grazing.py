@@ -26,13 +26,13 @@ VALUES = np.exp(0.3 * np.array([-3.0, -1.0, 1.0, 3.0]))
 
 def test_all_stationary_points_are_found_with_fourth_order() -> None:
     errors = []
-    for size in (16, 32, 64):
+    for size in (16, 32, 64, 128):
         found = stationary_points(pressure(size, size))
         distances = np.abs(found.values[:, None] - VALUES)
         assert np.all(distances.min(axis=0) < 0.02)
         errors.append(max(distances.min(axis=0)))
-    orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert orders == pytest.approx([4.0, 4.0], abs=0.7)
+    # where a point lies between the nodes changes the constant
+    assert np.polyfit(np.log2([16, 32, 64, 128]), -np.log2(errors), 1)[0] == pytest.approx(4.0, abs=0.6)
 
 
 def test_places_have_second_order() -> None:
@@ -41,7 +41,9 @@ def test_places_have_second_order() -> None:
         found = stationary_points(pressure(size, size))
         best = int(np.argmax(found.values))
         spacing = 2.0 * np.pi / size
-        errors.append(math.hypot(found.columns[best] * spacing - PEAK[0], found.rows[best] * spacing - PEAK[1]))
+        errors.append(
+            math.hypot(found.columns[best] * spacing - PEAK[0], found.rows[best] * spacing - PEAK[1])
+        )
     assert errors[-1] < 1e-3
     assert np.log2(errors[0] / errors[2]) / 2.0 > 1.7
 

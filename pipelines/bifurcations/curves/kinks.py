@@ -65,7 +65,7 @@ def attempt_past_kinks(
 
 
 def short_step(options: CurveOptions) -> float:
-    """The length below which steps are short: a few times the shortest one, or a small part of the longest."""
+    """The length below which steps are short: some of the shortest one, or a part of the longest."""
     return min(options.maximum_step, max(_SHORTEST * options.minimum_step, options.maximum_step / _LONGEST))
 
 
@@ -145,12 +145,14 @@ def _state_with_width(
     end = _moved(problem, state, options, width, back)
     if end is None or not _is_same_curve(problem, state, end, options, back):
         return None
-    columns = columns_of(problem, end) | {"step_error": state.step_error}
-    columns["tests"] = np.where(np.isnan(end.tests), state.tests, end.tests)
-    at = end.position
-    straight = {"bend_state": np.zeros_like(at.state), "bend_period": 0.0, "bend_parameters": np.zeros(2)}
+    kept = {"step_error": state.step_error, "tests": np.where(np.isnan(end.tests), state.tests, end.tests)}
+    straight = {"bend_state": np.zeros_like(end.position.state), "bend_parameters": np.zeros(2)}
     return replace(
-        state, clipping_width=width, arclength=state.arclength - back, **columns, **straight
+        state,
+        clipping_width=width,
+        arclength=state.arclength - back,
+        bend_period=0.0,
+        **columns_of(problem, end) | kept | straight,
     )
 
 
@@ -212,9 +214,7 @@ def _moved(
     constraint = CurveConstraint(row, row.dot(guess), across, state.gradient, metric)
     reference = reference_of(own.cycle_problem(state.position), own.unknowns(state.position), state.steps)
     try:
-        found = correct_critical(
-            own, guess, constraint, state.basis, state.bordering, state.steps, reference
-        )
+        found = correct_critical(own, guess, constraint, state.basis, state.bordering, state.steps, reference)
         if found.point is None:
             return None
         return curve_end(found, found.point, constraint, state.tangent, options.normal_form, state.bordering)

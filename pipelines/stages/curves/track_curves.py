@@ -14,7 +14,7 @@ from typing import Any
 from pipelines.bifurcations.curve import CurveStop
 from pipelines.bifurcations.detection import EventKind
 from pipelines.case.reading import NamedCase
-from pipelines.stages import step_errors
+from pipelines.stages import regularised, step_errors
 from pipelines.stages.curves.parts import compute_curve, curve_is_needed, curve_parts
 from pipelines.stages.curves.rows import CONTAINERS
 from pipelines.stages.curves.starts import StartQueue
@@ -103,7 +103,7 @@ def curves_result(job: Job, kind: EventKind, outside: int = 0, refused: int = 0)
 
     ``outside``: starts outside the plane; ``refused``: starts beyond the largest number of curves.
     """
-    names = ("event_kind", step_errors.STEP_ERROR)
+    names = ("event_kind", step_errors.STEP_ERROR, *regularised.ARRAYS)
     curves = [job.read(group, names) for group in job.groups(CONTAINERS[kind])]
     ok = not refused and all(is_success(curve, COMPLETE) for curve in curves)
     specials: list[str] = []
@@ -116,6 +116,8 @@ def curves_result(job: Job, kind: EventKind, outside: int = 0, refused: int = 0)
     unknown = step_errors.count(curves)
     if where := step_errors.in_words(unknown):
         summary[step_errors.NAME] = where
+    if where := regularised.in_words(regularised.count(curves)):
+        summary[regularised.NAME] = where
     reasons = [curve.attributes["stop_reason"] for curve in curves if curve.attributes["stop_reason"]]
     if job.should_stop():
         reasons.append("stopped on request")

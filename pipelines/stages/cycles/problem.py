@@ -79,11 +79,13 @@ def smooth_maps(case: Case, period_map: PeriodMap, widths: Sequence[float]) -> t
 
     The ``smooth_maps`` of a CurveProblem; none when the clipping of neither bearing is Guembel's.
     """
-    return tuple(replace(period_map, system=_smooth_system(case, width)) for width in widths if is_clipped(case))
+    return tuple(
+        replace(period_map, system=_smooth_system(case, width)) for width in widths if is_clipped(case)
+    )
 
 
 def kinks_of(case: Case, machine: Machine, period_map: PeriodMap) -> Kinks | None:
-    """How the curves of a case pass the kinks of Guembel's clipping; None where they have none or must not."""
+    """How the curves of a case pass the kinks of Guembel's clipping; None without kinks, or without widths."""
     if not (is_clipped(case) and case.track_curves.clipping_widths):
         return None
 
