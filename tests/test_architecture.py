@@ -54,8 +54,9 @@ ORDER = {
         "hopf_point", "tori",
     ),
     "stages": (
-        "results", "parameter_columns", "job", "parts", "step_errors", "regularised", "ending", "linear", "cycles",
-        "curves", "survey", "transients", "tori", "refinement", "calibration", "reports", "scheduling",
+        "results", "parameter_columns", "job", "parts", "step_errors", "regularised", "ending", "linear",
+        "cycles", "curves", "survey", "transients", "tori", "refinement", "calibration", "reports",
+        "scheduling",
     ),
 }  # fmt: skip
 TOP_LEVEL_FOLDERS = {"agfb_cli", "pipelines", "configs", "tests"}

@@ -85,7 +85,7 @@ def smooth_maps(case: Case, period_map: PeriodMap, widths: Sequence[float]) -> t
 
 
 def kinks_of(case: Case, machine: Machine, period_map: PeriodMap) -> Kinks | None:
-    """How the curves of a case pass the kinks of Guembel's clipping; None without kinks, or without widths."""
+    """How the curves of a case pass the kinks of Guembel's clipping; None without kinks or widths."""
     if not (is_clipped(case) and case.track_curves.clipping_widths):
         return None
 
