@@ -52,36 +52,38 @@ def regularised_share(a: float, width: float) -> float:
     return half * float(WEIGHTS @ (kernel * share(a - width * t)))
 
 
-def film_map(slope: float, width: float = 0.0) -> ExplicitMap:
-    """State (x, z), parameters (p, b), with k = 2 pi ``slope``."""
+def film_map(slope: float, width: float = 0.0, flip: bool = False) -> ExplicitMap:
+    """State (x, Re z, Im z), parameters (p, b), with k = 2 pi ``slope``.
+
+    ``flip``: z is real and its multiplier -exp(...), so that the same curve is one of period doublings.
+    """
 
     def growth(a):  # type: ignore[no-untyped-def]
-        """b-independent part of ln |mu|, with its derivative in the imaginary part of a complex step."""
-        value, h = (share, 1e-6)[0], 1e-6
+        """g of the width, differentiated along a complex step."""
+        at, h = float(a.real), 1e-6
         if width > 0.0:
-            own = regularised_share(a.real, width)
-            rate = (regularised_share(a.real + h, width) - regularised_share(a.real - h, width)) / (2.0 * h)
-        else:
-            own, rate = float(value(a.real)), float(density(a.real)) if a.real > -2.0 else 0.0
-        return own + 1j * a.imag * rate
+            rate = (regularised_share(at + h, width) - regularised_share(at - h, width)) / (2.0 * h)
+            return regularised_share(at, width) + 1j * a.imag * rate
+        return float(share(at)) + 1j * a.imag * (float(density(at)) if at > -2.0 else 0.0)
 
     def function(s, p):  # type: ignore[no-untyped-def]
         a = p[0] + p[1]
         log = 2.0 * math.pi * (p[1] - 2.0 * math.pi * slope * growth(np.complex128(a)))
+        x = a + 1.0 + math.exp(-2.0 * math.pi) * (s[0] - a - 1.0)
+        if flip:
+            return x, -np.exp(log) * s[1] * (1.0 - s[1] * s[1])
         size = np.exp(log) * (1.0 - s[1] * s[1] - s[2] * s[2])
         cosine, sine = math.cos(NU), math.sin(NU)
-        decay = math.exp(-2.0 * math.pi)
-        x = a + 1.0 + decay * (s[0] - a - 1.0)
         return x, size * (cosine * s[1] - sine * s[2]), size * (sine * s[1] + cosine * s[2])
 
-    return explicit_map(3, ("p", "b"), function)
+    return explicit_map(2 if flip else 3, ("p", "b"), function)
 
 
-def film_kinks(slope: float, widths: tuple[float, ...]) -> Kinks:
+def film_kinks(slope: float, widths: tuple[float, ...], flip: bool = False) -> Kinks:
     """The regularised maps; the distance from grazing is that of a from -2."""
 
     @cache
     def regularised(width: float) -> ExplicitMap:
-        return film_map(slope, width)
+        return film_map(slope, width, flip)
 
     return Kinks(regularised, widths, lambda orbit, parameters: abs(float(np.sum(parameters[:2])) + 2.0))

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop
+from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem
-from tests.bifurcations.curve_runs import NS, Run, map_problem, start, trace
+from tests.bifurcations.curve_runs import FLIP, NS, Run, map_problem, start, trace
 from tests.bifurcations.grazing_film import NU, film_kinks, film_map, regularised_share, share
 from tests.bifurcations.test_regularised import NowhereMap
 
@@ -64,6 +65,22 @@ def test_the_curve_passes_its_corner_and_lands_on_the_exact_curve() -> None:
     assert np.max(np.abs(misses(run, SHARP)[exact])) < 1e-11
     assert run.parameters[-1, 0] == -2.5
     assert all(point.width_effect == 0.0 for point in np.array(run.points)[exact])
+
+
+def test_period_doublings_and_normal_forms() -> None:
+    """z -> -(1 + ...) z (1 - z^2) has the coefficient 1, on the exact and on the smoother maps."""
+    flips = map_problem(film_map(SHARP, flip=True), FLIP, (0.0, 0.0), ("p", "b"))
+    flips = replace(flips, kinks=film_kinks(SHARP, WIDTHS, flip=True))
+    options = replace(COARSE, normal_form=NormalFormOptions())
+    run = trace(flips, start([-1.3, 0.0], (-2.3, 0.0)), options)
+    assert run.result.stop is CurveStop.RANGE
+    exact = np.array([point.clipping_width for point in run.points]) == 0.0
+    assert 0 < np.count_nonzero(~exact) < 10
+    assert np.max(np.abs(misses(run, SHARP)[exact])) < 1e-11
+    forms = [point.normal_form for point in run.points]
+    assert [form.coefficient.real for form in forms if form is not None] == pytest.approx(
+        [1.0] * len(run.points), abs=1e-3
+    )
 
 
 def test_a_corner_that_a_step_can_pass_needs_no_width() -> None:

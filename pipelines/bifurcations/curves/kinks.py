@@ -46,6 +46,7 @@ _TRIED = 4.0  # times that length: first step on a smoother map
 _RECOVERED = 8.0  # likewise: the kink lies behind, the exact map is tried again
 _ALIKE = 0.9  # cosine between the critical vectors of one curve before and after a change of the width
 _RETREAT = 4.0  # ratio of the distances by which a smoother curve may begin further back
+_MOST_STEPS = 30  # back to the last point
 _NEAR = 0.5  # of the step: a point that moves further may come to another curve
 
 
@@ -124,10 +125,12 @@ def _step_ahead(
     own, short = problem.with_width(begin.clipping_width), short_step(options)
     passed = begin.arclength + back
     state = replace(begin, step=min(options.maximum_step, _TRIED * short + back))
-    while state.step >= short:
+    for _ in range(_MOST_STEPS):
         step = attempt(own, state)
         if isinstance(step, Rejected):
             state = replace(state, step=step.factor * state.step)
+            if state.step < short:
+                return None
         elif state.arclength + step.length > passed:
             return step
         else:
