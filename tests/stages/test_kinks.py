@@ -12,9 +12,8 @@ from pipelines.case.reading import NamedCase, read_cases
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
-from pipelines.stages.cycles.problem import kinks_of
 from pipelines.machine.assembly import build_machine
-from pipelines.stages.cycles.problem import cycle_problem
+from pipelines.stages.cycles.problem import cycle_problem, kinks_of
 from tests.helpers.tiny import ROOT, Watched
 from tests.helpers.trees import compare_trees
 
@@ -35,7 +34,9 @@ EXACT_R1 = (0.42779, 1.06899)  # with minimum_step = 1e-6 and without widths, in
 
 
 def kink_case(*more: str) -> NamedCase:
-    (named,) = read_cases(CONFIG.read_text(), CONFIG.name, (*SETTINGS, *more), ("continue_cycles", "track_ns"))
+    (named,) = read_cases(
+        CONFIG.read_text(), CONFIG.name, (*SETTINGS, *more), ("continue_cycles", "track_ns")
+    )
     return named
 
 

@@ -28,7 +28,7 @@ from pipelines.bifurcations.continuation import Rejected, adapted_length, leaves
 from pipelines.bifurcations.critical.correction import CurveConstraint
 from pipelines.bifurcations.critical.corrector import correct_critical
 from pipelines.bifurcations.critical.critical_cycles import BorderingVectors
-from pipelines.bifurcations.curve import CurveOptions, CurveState
+from pipelines.bifurcations.curve import CurveOptions, CurveState, SpecialPoint
 from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end, without_rounding
 from pipelines.bifurcations.curves.first_point import columns_of, curve_metric
 from pipelines.bifurcations.curves.segment import CurveEnd, CurveStep, curve_end, with_normal_form
@@ -125,16 +125,20 @@ def _step_ahead(
     own, short = problem.with_width(begin.clipping_width), short_step(options)
     passed = begin.arclength + back
     state = replace(begin, step=min(options.maximum_step, _TRIED * short + back))
+    found: tuple[SpecialPoint, ...] = ()
     for _ in range(_MOST_STEPS):
         step = attempt(own, state)
         if isinstance(step, Rejected):
             state = replace(state, step=step.factor * state.step)
             if state.step < short:
                 return None
-        elif state.arclength + step.length > passed:
-            return step
-        else:
-            state = replace(advance(state, step), clipping_width=begin.clipping_width)
+            continue
+        found += step.found
+        if state.arclength + step.length > passed:
+            return replace(step, found=found)
+        if resonant_end(problem.kind, step.point.cos_theta) is not None:
+            return None
+        state = replace(advance(state, step), clipping_width=begin.clipping_width)
     return None
 
 
