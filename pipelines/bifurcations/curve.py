@@ -195,7 +195,7 @@ class CurvePoint:
     or not defined; ``newton_iterations``: before the time steps were refined; ``step_error``: estimated error
     of the multipliers by the time steps, NaN where it is unknown; ``residual_norms`` and ``test_values``:
     history of the corrector; ``unlocated``: special points that were detected in the step to this point but
-    could not be located; ``clipping_width``: as in CurveState; ``width_effect``: estimated distance of the
+    could not be located; ``clipping_width``: as in CurveState; ``width_effect``: distance of the
     point from the curve of the exact map, in the plane of the parameters divided by their scales, zero where
     that map was used and NaN where it is unknown.
     """

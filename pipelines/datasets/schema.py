@@ -538,8 +538,8 @@ CURVE = GroupSpec(
         _real(
             "width_effect",
             "point",
-            "estimated distance of the point from the curve without regularisation, in the plane of the free "
-            "parameters (a foil stiffness over that of the case); unknown where missing",
+            "distance of the point from the curve without regularisation, measured or estimated, in the "
+            "plane of the free parameters (a foil stiffness over that of the case); unknown where missing",
         ),
         _real(
             "grazing_gauge",

@@ -17,7 +17,7 @@ _CONTAINERS = frozenset({"pd", "ns", "folds"})
 
 
 class Regularised(NamedTuple):
-    """Such points, all points, and the estimated distance of the former from the exact curve.
+    """Such points, all points, and the distance of the former from the exact curve.
 
     ``effect``: the largest one that is known, None without any; ``unknown``: points where it is not.
     """

@@ -8,12 +8,13 @@ exact map.  The width is a homotopy parameter: a point u_0 moves to u_w in the p
     phi_w(s, T, lambda) - s = 0,    phase(s) = 0,    g_w(s, T, lambda) = 0,    <t, u_w - u_0> = 0
 
 the curve goes on with w until its steps are long again, and the end of such a step moves back to w = 0.
-Where it does not, the point stays on the curve of w.  That is displaced by e(w) = c w^p, so that
+Where its steps are still short, the point stays on the curve of w, and its distance from the exact curve is
+stored.  If the exact point beside it is not found either, the distance e(w) = c w^p is estimated from
 
     e(w) - e(w/2) = (1 - 2^-p) e(w)
 
-Twice that difference, which is stored, lies within a factor of two of e(w) for every p >= 0.42: p = 1 at a
-corner, 1/2 where the multipliers have a root there, and more beside it.
+Twice that difference lies within a factor of two of e(w) for every p >= 0.42: p = 1 at a corner, 1/2 where
+the multipliers have a root there, and more beside it.
 """
 
 from __future__ import annotations
@@ -178,10 +179,8 @@ def _back_to_exact_map(problem: CurveProblem, step: CurveStep, options: CurveOpt
     resonant = resonant_end(problem.kind, at_end.cos_theta) is not None
     if leaves or resonant or returned(begin, at_end.position, metric):
         return None
-    end = _moved(problem, at_end, options, 0.0)
-    if end is None or not _is_same_curve(problem, at_end, end, options):
-        return None
-    if metric.inner(end.tangent, at_end.tangent) < options.minimum_cosine:
+    end = _exact_end(problem, at_end, options)
+    if end is None:
         return None
     end = with_normal_form(end, metric, options.normal_form)
     effort = {name: getattr(point, name) for name in ("newton_iterations", "step_error", "unlocated")}
@@ -197,17 +196,35 @@ def _with_effect(problem: CurveProblem, step: CurveStep, options: CurveOptions) 
 
 
 def _width_effect(problem: CurveProblem, state: CurveState, options: CurveOptions) -> float:
-    """Estimated distance of a state from the curve of the exact map in the plane; NaN where it is unknown."""
-    end = _moved(problem, state, options, 0.5 * state.clipping_width)
-    if end is None:
-        return math.nan
+    """Distance of a state from the curve of the exact map in the plane of the parameters.
+
+    Measured where that curve is found beside it, else estimated; NaN where neither is possible.
+    """
+    exact = _exact_end(problem, state, options)
+    if exact is not None:
+        return _distance(state, exact, options)
+    half = _moved(problem, state, options, 0.5 * state.clipping_width)
+    return math.nan if half is None else 2.0 * _distance(state, half, options)
+
+
+def _exact_end(problem: CurveProblem, state: CurveState, options: CurveOptions) -> CurveEnd | None:
+    """The point of the exact map beside a state, if it lies on the same curve and that runs the same way."""
+    end = _moved(problem, state, options, 0.0)
+    if end is None or not _is_same_curve(problem, state, end, options):
+        return None
+    along = curve_metric(problem, options, state.start).inner(end.tangent, state.tangent)
+    return end if along >= options.minimum_cosine else None
+
+
+def _distance(state: CurveState, end: CurveEnd, options: CurveOptions) -> float:
+    """Distance of a point from the curve of a state in the plane of the scaled parameters, at right angles."""
     shift, along = (
         vector / np.array(options.parameter_scales)
         for vector in (end.position.parameters - state.parameters, state.tangent_parameters)
     )
     length = float(np.linalg.norm(along))
     across = abs(float(shift[0] * along[1] - shift[1] * along[0]))
-    return 2.0 * (across / length if length > 0.0 else float(np.linalg.norm(shift)))
+    return across / length if length > 0.0 else float(np.linalg.norm(shift))
 
 
 def _moved(
