@@ -105,7 +105,7 @@ def test_resumed_on_a_smoother_map_it_has_the_same_bytes(branched: Path, whole: 
     path = branched.with_name("resumed.zarr")
     shutil.copytree(branched, path)
     stopped = 0
-    while "stopped" in Watched("track_ns", kink_case(), path, stop_after=first).result.reason:
+    while "stopped" in Watched("track_ns", kink_case(), path, stop_after=first).result.stop_reason:
         stopped += 1
     assert stopped > 2
     assert compare_trees(path, whole[0]) == []

@@ -217,7 +217,7 @@ def _exact_end(problem: CurveProblem, state: CurveState, options: CurveOptions) 
 
 
 def _distance(state: CurveState, end: CurveEnd, options: CurveOptions) -> float:
-    """Distance of a point from the curve of a state in the plane of the scaled parameters, at right angles."""
+    """Distance of a point from the curve of a state, at right angles in the plane of scaled parameters."""
     shift, along = (
         vector / np.array(options.parameter_scales)
         for vector in (end.position.parameters - state.parameters, state.tangent_parameters)
