@@ -96,8 +96,8 @@ def map_stem(figure: str, x: str, y: str) -> str:
 def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False) -> Figure:
     """Curves of bifurcations: solid if supercritical, dashed if subcritical, dotted if not known.
 
-    Pale: the cycle is unstable on both sides. Thin: of cycles of two and more excitation periods. In a band: of
-    regularised clipping.
+    Pale: the cycle is unstable on both sides. Thin: of cycles of two and more excitation periods. In a band:
+    of regularised clipping.
     ``scan_lines``: the branches that searched the plane as a light grid.
     """
     figure = style.new_figure(6.9)
