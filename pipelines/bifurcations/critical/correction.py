@@ -97,9 +97,12 @@ class History:
 
     @property
     def stalls(self) -> bool:
-        """Whether the last step reduced the test function by less than half."""
+        """Whether the last step, not the first, reduced the test function by less than half.
+
+        The first one tells how the correction towards the surface changes it.
+        """
         values = self.test_values
-        return len(values) > 1 and abs(values[-1]) > _STALLED * abs(values[-2])
+        return len(values) > 2 and abs(values[-1]) > _STALLED * abs(values[-2])
 
     def stuck(self, problem: CurveProblem) -> bool:
         """Whether the last steps made no progress while the test function is not yet small."""
