@@ -31,7 +31,7 @@ from pipelines.stages.linear.linearize import reference_parameters
 from pipelines.stages.refinement.levels import case_on, grid_family
 
 PASSES_PER_CYCLE = 12  # corrections, tangents and multipliers, and locating what lies between two points
-PASSES_PER_CURVE_POINT = 100  # normal forms on two smoothed machines included
+PASSES_PER_CURVE_POINT = 65  # normal forms on two smoothed machines included
 PASSES_PER_LEVEL = 30  # of a refined bifurcation, on one of its grids
 PASSES_PER_ANGLE = 15  # of a torus, its corrections and its stability
 PASSES_PER_CELL = 1.5  # of a survey: half of them with the few time steps that it needs
