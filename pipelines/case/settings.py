@@ -53,7 +53,7 @@ class Numerics(Table):
     circumferential: int = quantity(
         "circumferential intervals of the film grid",
         "",
-        40,
+        32,
         at_least=8,
         at_most=1024,
         because="fewer do not resolve the pressure wave, more do not fit in memory",
@@ -61,15 +61,15 @@ class Numerics(Table):
     axial: int = quantity(
         "axial unknowns on the half film",
         "",
-        3,
+        4,
         at_least=1,
         at_most=32,
         because="Chebyshev collocation converges with 2 to 4; stiffness grows like its fourth power",
     )
     scheme: Literal["central", "backward", "fourth_order"] = choice(
-        "differences along the circumference: `central` of second order, `fourth_order`, or the paper's "
+        "differences along the circumference: `fourth_order`, `central` of second order, or the paper's "
         "`backward` convection of first order",
-        "central",
+        "fourth_order",
     )
     axial_scheme: Literal["chebyshev", "uniform"] = choice(
         "`chebyshev` collocation or the paper's `uniform` differences", "chebyshev"

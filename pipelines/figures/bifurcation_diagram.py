@@ -138,7 +138,7 @@ def draw_bifurcation_diagram(
             values
             for branch in branches
             for bearing in range(case.bearings)
-            for values in _draw_curve(axes, branch, parameter, quantity(case, branch, bearing), bearing)
+            for values in draw_branch(axes, branch, parameter, quantity(case, branch, bearing), bearing)
         ]
         for branch in branches:
             for bearing in range(case.bearings):
@@ -153,7 +153,7 @@ def draw_bifurcation_diagram(
     bars = [
         bar for branch in branches for bar in event_bars(refinement, branch, parameter) if bar is not None
     ]
-    style.legend_below(figure, _legend(case.bearings, kinds) + legend_handles(bars), 4)
+    style.legend_below(figure, branch_handles(case.bearings, kinds) + legend_handles(bars), 4)
     title = f"{case.name}: limit cycles along the {PARAMETER_AXES[parameter].title}{_progress(branches)}"
     return style.finish(figure, title, case.note)
 
@@ -180,9 +180,10 @@ def largest_eccentricity(case: CaseView, branch: Table, bearing: int) -> NDArray
     return np.asarray(np.hypot(orbit[..., 0], orbit[..., 1]).max(axis=1)[:, None])
 
 
-def _draw_curve(
+def draw_branch(
     axes: Axes, branch: Table, parameter: str, values: NDArray[np.float64], bearing: int
 ) -> list[NDArray[np.float64]]:
+    """Draw ``values`` (point, k) of a branch, as those of a bearing; returns the lines drawn."""
     curve = thread_events(branch, parameter, values)
     draw_threaded(axes, curve, branch, style.bearing_look(bearing))
     return list(curve.values.T)
@@ -219,7 +220,8 @@ def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip([0, *edges.tolist()], [*edges.tolist(), len(flags)], strict=True))
 
 
-def _legend(bearings: int, kinds: set[str]) -> list[Line2D]:
+def branch_handles(bearings: int, kinds: Collection[str]) -> list[Line2D]:
+    """Legend entries of the bearings, of stability, and of some kinds of bifurcations."""
     handles = [
         Line2D([], [], label=f"bearing {bearing + 1}", **style.bearing_look(bearing))
         for bearing in range(bearings)

@@ -101,10 +101,7 @@ def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False
     """
     figure = style.new_figure(6.9)
     axes = figure.subplots()
-    axes.grid(False)
-    axes.set(xlim=view.ranges[view.x], ylim=view.ranges[view.y])
-    axes.set(xlabel=PARAMETER_AXES[view.x].label, ylabel=PARAMETER_AXES[view.y].label)
-    handles = [handle for layer in LAYERS for handle in layer(axes, view)]
+    handles = draw_plane(axes, view)
     if scan_lines:
         _draw_scan_lines(axes, view)
     top = _draw_resonances(axes, view, handles)
@@ -114,6 +111,14 @@ def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False
     labels = [Label(_special_name(kind), x, y) for kind, x, y, _ in special_points(view)]
     place_labels(axes, figure.canvas.get_renderer(), labels, _drawn_points(view), LABEL_SIZE)  # type: ignore[attr-defined]
     return figure
+
+
+def draw_plane(axes: Axes, view: PlaneView) -> list[Any]:
+    """Draw the plane with its curves and points on axes; returns the entries of a legend."""
+    axes.grid(False)
+    axes.set(xlim=view.ranges[view.x], ylim=view.ranges[view.y])
+    axes.set(xlabel=PARAMETER_AXES[view.x].label, ylabel=PARAMETER_AXES[view.y].label)
+    return [handle for layer in LAYERS for handle in layer(axes, view)]
 
 
 def _drawn_points(view: PlaneView) -> NDArray[np.float64]:

@@ -8,6 +8,8 @@ with it. The liberties that are taken:
 - an address of a Dask scheduler must be one that agfb accepts, and the run stays in this process;
 - /shared/results, on the cluster's file system, is the folder build.
 
+The lines of Python on the page about notebooks are run too, in one namespace.
+
 The other programs are not run: make rehearses (its targets and variables must exist), and the options of dask
 must be ones that it has; `exec` and `srun` start one of these; `export` sets what agfb sets for its own
 workers. Any other command is an error.
@@ -36,6 +38,7 @@ from pipelines.stages.scheduling.campaign import SETTINGS
 from tests.cli.conftest import leaf_commands
 from tests.helpers.tiny import ROOT, TINY
 
+NOTEBOOK = ROOT / "configs" / "notebook.md"
 STEPWISE = ROOT / "configs" / "your_rotor.md"  # first, from nothing: the others shall not do its work
 OTHERS = (ROOT / "README.md", *sorted(set((ROOT / "configs").rglob("*.md")) - {STEPWISE}))
 PAGES = (STEPWISE, *OTHERS)
@@ -201,8 +204,13 @@ def folder(shared: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_the_commands_of_a_page_work_from_top_to_bottom(page: Path, folder: Path) -> None:
-    for language, text in blocks(page, "sh", "toml", "yaml"):
-        if language == "sh":
+    namespace: dict[str, object] = {}
+    for language, text in blocks(page, "sh", "toml", "yaml", "python"):
+        if language == "python":
+            if page == NOTEBOOK:
+                assert len(text.splitlines()) <= 10
+                exec(text, namespace)
+        elif language == "sh":
             for words in lines(text):
                 follow(words)
         elif language == "yaml":

@@ -27,7 +27,8 @@ GRIDS = {
     "central": ((24, 2), (32, 3), (40, 2), (40, 3), (64, 3), (64, 4), (96, 3), (96, 4)),
     "fourth_order": ((20, 4), (24, 2), (24, 3), (24, 4), (32, 3), (32, 4), (40, 4), (64, 4)),
 }
-DEFAULT_GRID = (40, 3)
+DEFAULT_GRID = (32, 4)
+DEFAULT_SCHEME = "fourth_order"
 
 Errors = dict[str, dict[tuple[int, int], "GridErrors"]]  # by scheme and grid
 

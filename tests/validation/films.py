@@ -76,6 +76,7 @@ def film(
     loss_factor: float = 1.0,
     periodic: bool = True,
     clipping: str = "full",
+    scheme: str = "central",
     **switches: Any,
 ) -> Film:
     """A bearing on a grid N_theta x N_z; ``slenderness`` = L/D, an infinite foil stiffness makes it rigid.
@@ -88,6 +89,7 @@ def film(
         axial=grid[1],
         periodic=periodic,
         clipping=clipping,
+        scheme=scheme,
         kappa=0.5 / slenderness,
         loss_factor=1.0 if rigid else loss_factor,
         stiffness_ratio=0.0 if rigid else 1.0,
