@@ -27,6 +27,15 @@ from pipelines.case.problems import CaseError
 from pipelines.case.sweeps import Document, MisplacedError, assign
 
 Interval = tuple[Number, Number]
+Quantity = Literal[
+    "onset_speed", "critical_speed", "onset_slope", "doubling_growth", "corner_frequency", "corner_speed"
+]
+CORNERS = frozenset({"corner_frequency", "corner_speed"})
+NO_SPEEDS = {
+    "onset_slope": "a slope, d(speed)/d(frequency),",
+    "doubling_growth": "a growth rate",
+    "corner_frequency": "an excitation frequency",
+}
 Rebuild = Callable[[Mapping[str, Any]], object]
 """Validates a case with other values at some dotted keys; raises CaseError or MisplacedError."""
 
@@ -62,10 +71,13 @@ def _positive(value: tuple[float, float]) -> tuple[float, float]:
 class CalibrationTarget(Table):
     """One value that the machine must reach."""
 
-    quantity: Literal["onset_speed", "critical_speed", "onset_slope"] = choice(
+    quantity: Quantity = choice(
         "`onset_speed`: lowest speed at which the cycle (at displacement 0 the equilibrium) loses stability; "
         "`critical_speed`: critical speed number `number`; `onset_slope`: d(onset speed)/d(excitation "
-        "frequency), 0 at the frequency of the highest onset speed",
+        "frequency), 0 at the frequency of the highest onset speed; `doubling_growth`: largest growth rate of "
+        "period doubling (1/t0) at `speeds`, 0 at a period doubling, negative and continuous where there is "
+        "none; `corner_frequency`, `corner_speed`: excitation frequency and speed of the 1:2 resonance in "
+        "which Neimark-Sacker points end on a tongue of period doublings, within `frequency_range`",
         "onset_speed",
     )
     value: float | None = scalar("the target value, dimensionless", "1", None)
@@ -87,6 +99,10 @@ class CalibrationTarget(Table):
         "which critical speed, counted from 1 by rising speed", "", 1, at_least=1, at_most=100,
         because="they are counted from 1",
     )  # fmt: skip
+    limit: Literal["exact", "upper", "lower"] = choice(
+        "`upper`: only values above the target value count as deviations, `lower`: only values below it",
+        "exact",
+    )
     whirl: Literal["any", "forward", "backward"] = choice("which critical speeds are counted", "any")
     difference: float = scalar(
         "half the distance of the two excitation frequencies of an `onset_slope`", "1", 0.02, above=0,
@@ -94,6 +110,13 @@ class CalibrationTarget(Table):
     )  # fmt: skip
     speed_range: Interval | None = table(
         "speeds between which the onset is searched; calibrate.speed_range if not given", None, unit="1"
+    )
+    speeds: tuple[Number, ...] | None = table(
+        "speeds of a `doubling_growth`, whose largest growth rate counts", None, unit="1", min_length=1,
+        max_length=100, because="the growth is that at some speed",
+    )  # fmt: skip
+    frequency_range: Interval | None = table(
+        "excitation frequencies between which a corner is searched", None, unit="1"
     )
     set: dict[str, Any] = table(
         'configuration keys of this target alone, such as { "excitation.frequency" = 0.2 }', {}
@@ -110,14 +133,31 @@ class CalibrationTarget(Table):
     @classmethod
     def _one_value(cls, value: float | None, info: ValidationInfo) -> float | None:
         require_one(info, value, WANTED_VALUE, "the wanted value")
-        if value is not None and info.data.get("quantity") == "onset_slope":
-            raise InconsistentError("a slope is no speed: give value, d(speed)/d(frequency), dimensionless")
+        meant = NO_SPEEDS.get(info.data.get("quantity", ""))
+        if value is not None and meant is not None:
+            raise InconsistentError(f"{meant} is no speed: give value, dimensionless")
         return value
 
     @field_validator("speed_range")
     @classmethod
     def _speeds(cls, value: Interval | None) -> Interval | None:
         return None if value is None else positive_range(value, "speeds are positive")
+
+    @field_validator("speeds")
+    @classmethod
+    def _growth_speeds(cls, value: tuple[float, ...] | None, info: ValidationInfo) -> tuple[float, ...] | None:
+        if value is None and info.data.get("quantity") == "doubling_growth":
+            raise InconsistentError("is missing: speeds at which period doublings must grow or not")
+        if value is not None and min(value) <= 0.0:
+            raise InconsistentError("speeds are positive")
+        return value
+
+    @field_validator("frequency_range")
+    @classmethod
+    def _frequencies(cls, value: Interval | None, info: ValidationInfo) -> Interval | None:
+        if value is None and info.data.get("quantity") in CORNERS:
+            raise InconsistentError("is missing: excitation frequencies between which the corner is searched")
+        return None if value is None else positive_range(value, "frequencies are positive")
 
     @field_validator("set", mode="before")
     @classmethod
@@ -135,6 +175,15 @@ class CalibrationTarget(Table):
     def scatter(self) -> float:
         """The deviation that counts as one, in the unit of the value."""
         return self.uncertainty if self.uncertainty is not None else 1.0 / (self.weight or 1.0)
+
+    def deviation(self, reached: float) -> float:
+        """How far a reached value is off, in `scatter`; zero on the allowed side of a limit."""
+        difference = reached - self.wanted
+        if self.limit == "upper":
+            difference = max(difference, 0.0)
+        elif self.limit == "lower":
+            difference = min(difference, 0.0)
+        return difference / self.scatter
 
 
 def _flat(node: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

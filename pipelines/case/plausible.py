@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from pipelines.case.calibrate_settings import NO_SPEEDS
 from pipelines.case.fields import Inconsistency, Path
 from pipelines.case.models import Case
 from pipelines.case.scales import Scales
@@ -94,10 +95,14 @@ def _calibration_values(case: Case) -> Iterator[_Value]:
     yield _Value(("calibrate", "speed_range"), SPEED, settings.speed_range)
     for index, target in enumerate(settings.targets):
         at: Path = ("calibrate", "targets", index)
-        if target.quantity != "onset_slope":
+        if target.quantity not in NO_SPEEDS:
             yield _Value((*at, "value"), SPEED, [target.value])
+        elif target.quantity == "corner_frequency":
+            yield _Value((*at, "value"), FREQUENCY, [target.value])
         yield _Value((*at, "value_rpm"), RPM, [target.value_rpm])
         yield _Value((*at, "speed_range"), SPEED, target.speed_range or ())
+        yield _Value((*at, "speeds"), SPEED, target.speeds or ())
+        yield _Value((*at, "frequency_range"), FREQUENCY, target.frequency_range or ())
 
 
 def _too_fast(scales: Scales, given: Sequence[float], fastest: float) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from pipelines.case.models import Case
+from pipelines.case.models import CalibrationTarget, Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.survey_settings import survey_axes
 from pipelines.datasets.branch import has_ended
@@ -37,6 +37,8 @@ from pipelines.stages.transients.run import request_of
 Attributes = Mapping[str, Any]
 
 CYCLES_PER_ONSET = 2.5  # points of a branch, for the five cycles found alone that bracket an onset
+CYCLE_ALONE = 0.5  # points of a branch
+ONSETS_PER_TARGET = {"onset_slope": 2, "corner_frequency": 2}  # of as many cycles; other targets need one
 
 
 class StageStatus(Enum):
@@ -194,11 +196,17 @@ def _search_state(here: _Here, curves: StageStatus) -> StageStatus:
 
 
 def _of_one_machine(durations: Durations, case: Case) -> float | None:
-    """A machine of a calibration: every onset speed that it needs; a slope needs two."""
+    """A machine of a calibration: the cycles of all its targets."""
     cycle = durations.of_cycle(case)
     targets = () if case.calibrate is None else case.calibrate.targets
-    onsets = sum(2 if target.quantity == "onset_slope" else 1 for target in targets)
-    return None if cycle is None else CYCLES_PER_ONSET * onsets * cycle
+    return None if cycle is None else cycle * sum(_cycles_of_target(target) for target in targets)
+
+
+def _cycles_of_target(target: CalibrationTarget) -> float:
+    """Points of a branch that take as long as one target."""
+    if target.quantity == "doubling_growth":
+        return len(target.speeds or ()) * CYCLE_ALONE
+    return ONSETS_PER_TARGET.get(target.quantity, 1) * CYCLES_PER_ONSET
 
 
 def _curves(groups: tuple[str, ...], decided_by: str) -> _Extent:
