@@ -13,7 +13,7 @@ from agfb_cli.inputs import existing_store
 from agfb_cli.options import AsJson, Quiet, Traceback, Verbose
 
 if TYPE_CHECKING:
-    from pipelines.stages.reports.paper_comparison import Row
+    from pipelines.stages.reports.paper_rows import Row
 
 Stores = Annotated[
     list[Path], typer.Argument(metavar="STORE", help="Stores with the bifurcation sets of `agfb run`.")

@@ -74,9 +74,9 @@ class CalibrationTarget(Table):
     quantity: Quantity = choice(
         "`onset_speed`: lowest speed at which the cycle (at displacement 0 the equilibrium) loses stability; "
         "`critical_speed`: critical speed number `number`; `onset_slope`: d(onset speed)/d(excitation "
-        "frequency), 0 at the frequency of the highest onset speed; `doubling_growth`: largest growth rate of "
-        "period doubling (1/t0) at `speeds`, 0 at a period doubling, negative and continuous where there is "
-        "none; `corner_frequency`, `corner_speed`: excitation frequency and speed of the 1:2 resonance in "
+        "frequency), 0 at the frequency of the highest onset speed; `doubling_growth`: largest growth rate "
+        "of period doubling (1/t0) at `speeds`, 0 at a period doubling, negative and continuous where there "
+        "is none; `corner_frequency`, `corner_speed`: excitation frequency and speed of the 1:2 resonance in "
         "which Neimark-Sacker points end on a tongue of period doublings, within `frequency_range`",
         "onset_speed",
     )
@@ -145,7 +145,9 @@ class CalibrationTarget(Table):
 
     @field_validator("speeds")
     @classmethod
-    def _growth_speeds(cls, value: tuple[float, ...] | None, info: ValidationInfo) -> tuple[float, ...] | None:
+    def _growth_speeds(
+        cls, value: tuple[float, ...] | None, info: ValidationInfo
+    ) -> tuple[float, ...] | None:
         if value is None and info.data.get("quantity") == "doubling_growth":
             raise InconsistentError("is missing: speeds at which period doublings must grow or not")
         if value is not None and min(value) <= 0.0:

@@ -107,7 +107,12 @@ def test_the_comparison_with_the_paper_says_that_the_machine_is_a_reconstruction
     assert "threshold at excitation frequency 0.2" in done.stdout
     document = json.loads(agfb("compare-paper", str(tmp_path / "a.zarr"), "--json").stdout)
     assert "reconstruction" in document["reconstruction"]
-    assert all(row["in_the_paper"].startswith("Sec. 4") for row in document["rows"])
+    assert all(row["in_the_paper"].startswith("Sec. ") for row in document["rows"])
+    told = [row for row in document["rows"] if row["printed"] is not None or row["told"]]
+    assert sum(document["verdicts"].values()) == len(told)
+    assert all(row["verdict"] in document["verdicts"] and row["sentence"] for row in told)
+    assert "the frequency of the anti-resonance rises" in done.stdout
+    assert f"{document['verdicts']['not compared']} not compared" in done.stdout
 
 
 def test_a_store_without_sets_says_what_to_run(tmp_path: Path) -> None:

@@ -83,7 +83,10 @@ class Prescribed(Cycles):
             raise Undecided
         f, s = frequency - self._corner[0], speed - self._corner[1]
         period = 2.0 * math.pi / frequency
-        growth, splitting = 0.1 * s - 0.05 * f + 0.08 * s * s, 0.06 * f - 0.02 * s - 0.2 * f * f + 0.05 * s * f
+        growth, splitting = (
+            0.1 * s - 0.05 * f + 0.08 * s * s,
+            0.06 * f - 0.02 * s - 0.2 * f * f + 0.05 * s * f,
+        )
         leading = pair_of(growth, splitting, period)
         return cycle_of(*leading, *pair_of(growth - 0.01, splitting - 1e-4, period), period=period)
 

@@ -14,10 +14,7 @@ from pipelines.datasets.store import Store, open_for_writing
 from pipelines.stages.reports.operating_range import REFERENCE_FREQUENCY
 from pipelines.stages.reports.paper_comparison import GAIN, PERIOD_DOUBLING_SPEED, PRINTED, compare_paper
 from pipelines.stages.reports.paper_planes import DISPLACEMENT, NOT_COMPLETE, read_cases_of_paper
-from pipelines.stages.reports.paper_rows import (
-    IN_THE_PAPER,
-    Row,
-)
+from pipelines.stages.reports.paper_rows import IN_THE_PAPER, Row
 from tests.helpers.curves import curve_rows, oval, write_curve, write_set
 from tests.helpers.paper import BEND, store_of, threshold, write_threshold
 
@@ -79,10 +76,7 @@ def test_the_printed_numbers_are_those_of_the_reference_table() -> None:
             REFERENCE_FREQUENCY,
         )
         assert value("NS threshold speed with PE", stiffness)[0] == float(printed.threshold)
-    assert value("PD bifurcation", "3") == (
-        float(PERIOD_DOUBLING_SPEED),
-        float(PRINTED[0].antiresonance),
-    )
+    assert value("PD bifurcation", "3") == (float(PERIOD_DOUBLING_SPEED), float(PRINTED[0].antiresonance))
     (gain,) = (each["value"] for each in table if each["quantity"] == "gain in threshold speed")
     assert gain.startswith(f"up to {float(GAIN):.0%}")
     assert {each["delta_bar"] for each in table if each["Omega_ex_bar"] == "0.63"} == {f"{DISPLACEMENT:g}"}

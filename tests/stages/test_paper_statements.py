@@ -36,12 +36,16 @@ def planes(path: Path, peaks: tuple[float, ...], tops: tuple[float, ...]) -> Sto
     return store
 
 
-def add_tongue(store: Store, case: str, frequency: float, speed: float, width: float, name: str = "t") -> None:
+def add_tongue(
+    store: Store, case: str, frequency: float, speed: float, width: float, name: str = "t"
+) -> None:
     rows = curve_rows(oval(frequency, speed, width, 0.1), (0.0, 2.0 * np.pi), 33)
     write_curve(store, f"cases/{case}/pd/{name}", "period_doubling", rows, "closed")
 
 
-def told(store: Store, quantity: str, stiffness: float | None = None, displacement: float | None = None) -> Row:
+def told(
+    store: Store, quantity: str, stiffness: float | None = None, displacement: float | None = None
+) -> Row:
     (found,) = (
         row
         for row in compare_paper(read_cases_of_paper([store]))
@@ -99,9 +103,7 @@ def test_a_number_that_a_set_has_not_is_not_met_and_one_without_a_set_is_not_com
         ((0.74, 0.73, 0.72, 0.71), NOT_MET),
     ],
 )
-def test_the_order_of_the_anti_resonances(
-    tmp_path: Path, peaks: tuple[float, ...], verdict: str
-) -> None:
+def test_the_order_of_the_anti_resonances(tmp_path: Path, peaks: tuple[float, ...], verdict: str) -> None:
     row = told(planes(tmp_path / "a.zarr", peaks, (1.2,) * 4), "rises with the stiffness")
     assert row.verdict == verdict
     assert f"{peaks[0]:.3f} at k_b = 3" in row.sentence
@@ -109,11 +111,7 @@ def test_the_order_of_the_anti_resonances(
 
 @pytest.mark.parametrize(
     ("widths", "verdict"),
-    [
-        ((0.2, 0.1, 0.05, 0.0), MET),
-        ((0.2, 0.1, 0.05, 0.02), NEARLY),
-        ((0.02, 0.1, 0.2, 0.3), NOT_MET),
-    ],
+    [((0.2, 0.1, 0.05, 0.0), MET), ((0.2, 0.1, 0.05, 0.02), NEARLY), ((0.02, 0.1, 0.2, 0.3), NOT_MET)],
 )
 def test_fewer_period_doublings_with_rising_stiffness(
     tmp_path: Path, widths: tuple[float, ...], verdict: str

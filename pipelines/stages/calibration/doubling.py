@@ -8,14 +8,14 @@ a pair is conjugate outside a tongue of period doublings, and real inside it.  T
 
     g = max (Re sigma - |Im sigma|)    over the multipliers with Re mu < 0
 
-is inside the growth rate ln|mu| / T of the leading negative multiplier; outside, the growth rate of a pair less
-its distance from half the excitation frequency.  It is continuous where the pair becomes real, zero at a
-period doubling, and it exists also where there is none.
+is inside the growth rate ln|mu| / T of the leading negative multiplier; outside, the growth rate of a pair
+less its distance from half the excitation frequency.  It is zero at a period doubling, continuous where the
+pair becomes real, and exists also where there is no period doubling.
 
 The *corner* is the 1:2 resonance, mu = -1 twice, in which a curve of Neimark-Sacker points ends on one of
-period doublings.  With sigma = a + i sqrt(-q), it lies at a = q = 0, and a and q are smooth there.  The
-corner is approached from the side of the conjugate pair, where the pair is known from the real multipliers of
-another mode: a = 0 and q = -DETUNING^2 are solved for speed and frequency, and the rest of the way is linear.
+period doublings.  With sigma = a + i sqrt(-q), it lies at a = q = 0, and a and q are smooth there.  It is
+approached from the side of the conjugate pair, where the pair cannot be mistaken for the real multipliers of
+another mode.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ from pipelines.orbits.shooting import Cycle
 from pipelines.stages.calibration.onset_nearby import Cycles, Undecided
 from pipelines.stages.survey.cells import bifurcation_of
 
-DETUNING = 0.02  # of the pair from half the excitation frequency, at which the corner is extrapolated
-NEARER = (0.0, 0.75, 0.94)  # of the way from there in q, one after the other; differences tell the rest
+DETUNING = 0.02  # |Im sigma| at which a = 0 is solved first
+NEARER = (0.0, 0.75, 0.94)  # shares of the way in q from there to the corner; the rest is extrapolated
 CHANGE = 2e-3  # of frequency and speed for the first derivatives
 STEP = 0.03  # largest change of frequency or speed by one step
-PLACE = 1e-4  # last step
+PLACE = 1e-4  # last step towards each of the places
 CORRECTIONS = 15
 SHORTENED = 4  # times that a step is halved
+BELOW = (0.98, 0.96, 0.93)  # shares of an expected corner's frequency, at which the search begins
 FREQUENCIES = 6  # of the first search: so many lines along the speed over the range of frequencies
 SPEED_STEP = 0.05  # of the first search along these lines
 
@@ -58,14 +59,14 @@ def exponents(cycle: Cycle) -> NDArray[np.complex128]:
 
 
 def doubling_growth(cycle: Cycle) -> float:
-    """The growth of period doubling; -Omega_ex / 2, its least, without a multiplier in the left half plane."""
+    """The growth of period doubling; -Omega_ex / 2 without a multiplier in the left half plane."""
     found = exponents(cycle)
     least = -math.pi / cycle.unknowns.period
     return float(np.max(found.real - np.abs(found.imag), initial=least))
 
 
 def leading_pair(cycle: Cycle) -> complex | None:
-    """sigma with positive imaginary part of the leading pair in the left half plane; None where it is real."""
+    """sigma, Im > 0, of the leading multipliers in the left half plane; None where they are real."""
     multipliers = np.asarray(cycle.spectrum.multipliers, dtype=complex)
     left = multipliers[multipliers.real < 0.0]
     leading = complex(left[np.argmax(np.abs(left))]) if len(left) else 0j
@@ -130,10 +131,7 @@ def _extrapolated(first: tuple[float, float, float], second: tuple[float, float,
 
 
 def corner_near(cycles: Cycles, expected: Corner) -> Corner | None:
-    """The corner near an expected one; None where the search loses the pair.  Raises StopRequested.
-
-    Newton's method on (a, q + DETUNING^2) = 0 with Broyden's updates of derivatives by differences.
-    """
+    """The corner near an expected one; None where the search loses the pair.  Raises StopRequested."""
     try:
         return _solved(cycles, _detuned(cycles, expected))
     except Undecided:
@@ -142,7 +140,7 @@ def corner_near(cycles: Cycles, expected: Corner) -> Corner | None:
 
 def _detuned(cycles: Cycles, expected: Corner) -> Array:
     """A place (frequency, speed) below the expected corner where the pair is conjugate.  Raises Undecided."""
-    for share in (0.98, 0.96, 0.93):
+    for share in BELOW:
         place = np.array([share * expected.frequency, expected.speed])
         if leading_pair(cycles.at(place[1], place[0])) is not None:
             return place
@@ -150,25 +148,34 @@ def _detuned(cycles: Cycles, expected: Corner) -> Array:
 
 
 def _solved(cycles: Cycles, place: Array) -> Corner | None:
-    value = _conditions(cycles, place)
-    slopes = np.empty((2, 2))
+    """The corner from a place (frequency, speed) with a conjugate pair.  Raises Undecided, StopRequested.
+
+    Newton's method on (a, q + DETUNING^2) = (0, share DETUNING^2) for rising shares, with derivatives by
+    differences that the steps correct (Broyden).
+    """
+    value, slopes = _conditions(cycles, place), np.empty((2, 2))
     for column, change in enumerate(np.diag([-CHANGE, CHANGE])):
         slopes[:, column] = (_conditions(cycles, place + change) - value) / change[column]
-    aims = [np.array([0.0, share * DETUNING**2]) for share in NEARER]
+    shares = list(NEARER)
     for _ in range(CORRECTIONS):
-        step = np.linalg.solve(slopes, aims[0] - value)
+        step = _step(slopes, value, shares[0])
         step *= min(1.0, STEP / np.abs(step).max())
         moved, found = _stepped(cycles, place, step)
         step, place = moved - place, moved
         if np.abs(step).max() > 0.5 * CHANGE:  # over less the errors of the cycles tell more than the slopes
             slopes += np.outer(found - value - slopes @ step, step) / (step @ step)
         value = found
-        if len(aims) == 1 and np.abs(step).max() < PLACE:
-            frequency, speed = place + np.linalg.solve(slopes, np.array([0.0, DETUNING**2]) - value)
+        if np.abs(step).max() < PLACE:
+            del shares[0]
+        if not shares:
+            frequency, speed = place + _step(slopes, value, 1.0)
             return Corner(float(frequency), float(speed))
-        if len(aims) > 1 and np.abs(step).max() < PLACE:
-            del aims[0]
     return None
+
+
+def _step(slopes: Array, value: Array, share: float) -> Array:
+    """Newton's step to a = 0 and a share of the way in q from the first place to the corner."""
+    return np.asarray(np.linalg.solve(slopes, [0.0, share * DETUNING**2] - value), dtype=np.float64)
 
 
 def _stepped(cycles: Cycles, place: Array, step: Array) -> tuple[Array, Array]:

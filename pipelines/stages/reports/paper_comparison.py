@@ -85,13 +85,15 @@ def _row(
 
 def _threshold_rows(printed: Printed, case: PaperCase) -> list[Row]:
     """The rows with the thresholds of one stiffness."""
-    at = float(printed.antiresonance)
+    printed_at, at = printed.antiresonance, float(printed.antiresonance)
+    nearest, highest = (
+        f"anti-resonance: {which} maximum of the threshold" for which in ("nearest", "highest")
+    )
     return [
         _row(case, AT_LOW_FREQUENCY, "low threshold", printed.low_threshold,
              lambda plane: threshold_at(plane, REFERENCE_FREQUENCY)),
-        _row(case, "anti-resonance: nearest maximum of the threshold", "anti-resonance", printed.antiresonance,
-             lambda plane: nearest_maximum(plane, at)[0]),
-        _row(case, "anti-resonance: highest maximum of the threshold", "anti-resonance", None, highest_maximum),
+        _row(case, nearest, "anti-resonance", printed_at, lambda plane: nearest_maximum(plane, at)[0]),
+        _row(case, highest, "anti-resonance", None, highest_maximum),
         _row(case, AT_NEAREST_MAXIMUM, "threshold", printed.threshold,
              lambda plane: nearest_maximum(plane, at)[1]),
         _row(case, f"threshold at excitation frequency {at:.2f}", "threshold", printed.threshold,

@@ -19,17 +19,18 @@ IN_THE_PAPER = {
     "smallest displacement": "Sec. 4: 'selected so as not to affect the threshold speed of instability'",
     "only Neimark-Sacker": "Sec. 4, Fig. 4: 'however, at the case of Fig. 4a, the system experiences period "
     "doubling bifurcation'",
-    "displacement": "Sec. 4: 'the strength of such phenomena is enhanced as the dimensionless parameter delta "
-    "is increased'",
-    "stiffness": "Sec. 4: 'this strength is enhanced as the dimensionless stiffness coefficient is increased'",
-    "zones": "Sec. 4: 'in all examined cases there are zones of excitation frequencies at which the stability "
-    "threshold is enhanced, and no other type of bifurcation occurs'",
-    "resonances": "Sec. 4, Eq. 22: 'can be approximately predicted by' 2 Omega_j/n and |Omega_j +- Omega_k|/n",
+    "displacement": "Sec. 4: 'the strength of such phenomena is enhanced as the dimensionless parameter "
+    "delta is increased'",
+    "stiffness": "Sec. 4: 'this strength is enhanced as the dimensionless stiffness coefficient is "
+    "increased'",
+    "zones": "Sec. 4: 'in all examined cases there are zones of excitation frequencies at which the "
+    "stability threshold of the rotor-bearing system is enhanced, and no other type of bifurcation occurs'",
+    "resonances": "Sec. 4, Eq. 22: 'can be approximately predicted by' 2 Omega_j/n, |Omega_j +- Omega_k|/n",
     "speed": "Sec. 2.2: 'designed to operate above 20 kRPM'",
     "doubled cycles": "Sec. 4, Fig. 4a: 'stable limit cycles are generated'; Fig. 5: 'distributed in a wide "
     "range of rotating speeds'",
-    "unbalance": "Sec. 4, Fig. 6: 'the phenomenon of parametric antiresonance is not affected by any level of "
-    "unbalance'",
+    "unbalance": "Sec. 4, Fig. 6: 'the phenomenon of parametric antiresonance is not affected by any level "
+    "of unbalance'",
 }
 """Where each printed number or statement stands."""
 
@@ -39,9 +40,9 @@ class Row:
     """One number of the paper, or one of its statements, beside what the stores hold.
 
     ``printed``: None where the paper gives no number; ``ours``: None where no store has one; both
-    dimensionless.  ``source``: a key of ``IN_THE_PAPER``; ``rounding``: half a unit of the last printed digit;
-    ``judged``: the verdict where it does not follow from the two numbers; ``told``: what the stores say of a
-    statement.
+    dimensionless.  ``source``: a key of ``IN_THE_PAPER``; ``rounding``: half a unit of the last printed
+    digit; ``judged``: the verdict where it does not follow from the two numbers; ``told``: what the stores
+    say of a statement.
     """
 
     quantity: str
@@ -88,7 +89,9 @@ class Row:
             return f"{self.ours:.3f} here, as in print."
         side = "more" if self.difference > 0.0 else "less"
         within = ", which is within its rounding" if abs(self.difference) <= self.rounding else ""
-        return f"{self.ours:.3f} here, {abs(self.difference):.3f} {side} than {self.printed:g} in print{within}."
+        return (
+            f"{self.ours:.3f} here, {abs(self.difference):.3f} {side} than {self.printed:g} in print{within}."
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, fit for JSON."""

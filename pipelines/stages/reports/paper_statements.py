@@ -156,7 +156,7 @@ def _gain_over_stiffness(cases: Sequence[PaperCase]) -> Row:
 
 
 def _zones(case: PaperCase) -> Row:
-    """Excitation frequencies whose first bifurcation is a Neimark-Sacker point above that at the low frequency."""
+    """Whether somewhere the first bifurcation is a Neimark-Sacker point above that at the low frequency."""
     quantity = "a zone of excitation frequencies with a raised threshold and no other bifurcation"
     where = (case.foil_stiffness, case.displacement)
     if case.stored is None:
@@ -178,7 +178,7 @@ def _zones(case: PaperCase) -> Row:
 
 
 def _predicted(case: PaperCase) -> Row:
-    """The highest threshold beside the nearest 2 Omega_j/n or |Omega_j +- Omega_k|/n of the critical speeds."""
+    """The highest threshold beside 2 Omega_j/n or |Omega_j +- Omega_k|/n of the critical speeds."""
     quantity = "the highest threshold lies where Eq. 22 predicts a resonance or anti-resonance"
     where = (case.foil_stiffness, case.displacement)
     tops = [] if case.stored is None else maxima(case.stored)
