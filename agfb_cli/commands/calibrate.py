@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 HELP = """Fit machine parameters to measured or printed speeds.
 
-Changes the keys of calibrate.parameters within their ranges until onset speeds, critical speeds and slopes
-of the onset speed meet calibrate.targets: bounded least squares with numerical derivatives. Every computed
+Changes the keys of calibrate.parameters within their ranges until onset speeds, critical speeds, slopes of
+the onset speed, growth rates of period doubling and corners, where Neimark-Sacker points end on period
+doublings, meet calibrate.targets: bounded least squares with numerical derivatives. Every computed
 machine is committed; an interrupted search resumes from the last one. Writes cases/CASE/calibration into the
 store and shows target and reached values, the fitted values, how well the targets determine them, and the
 --set assignments of the fitted machine. Exit code 3 if the search did not converge.
@@ -73,8 +74,9 @@ def _conclude(outcome: Outcome, request: Request, console: Console) -> None:
 
 def show(found: Calibration, console: Console) -> None:
     """Show targets, parameters, undetermined directions and assignments."""
+    wanted = {"exact": "{:.6g}", "upper": "at most {:.6g}", "lower": "at least {:.6g}"}
     rows = [
-        (row.target, row.wanted, row.reached, row.difference, row.deviation,
+        (row.target, wanted[row.limit].format(row.wanted), row.reached, row.difference, row.deviation,
          row.bifurcation.replace("_", " ").replace("unset", "-"), row.remark)
         for row in found.targets
     ]  # fmt: skip

@@ -8,5 +8,6 @@
 - stability_map, map_sets, resonance_lines: bifurcation sets in the plane
 - survey: growth rates over the plane, cell by cell
 - response_envelope, run_motion, tori: transients and tori
+- changes: the first bifurcation with one change of the keys at a time
 - sensitivity: results over the keys in which the cases differ
 """

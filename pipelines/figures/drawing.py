@@ -77,6 +77,8 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
         **dict.fromkeys(("unbalance", "waterfall", "spectrum", "poincare", "modal-energy"), ("transient",)),
     }
 )
+ON_REQUEST = frozenset({"changes"})
+"""Kinds that are drawn only where they are asked for."""
 ALL_KINDS = (*FIGURE_KINDS, *JOINT_KINDS, *TABLE_KINDS)
 
 
@@ -180,7 +182,7 @@ def _planned(
         found = [case for case in read if case is not None]
         for plan in joint_plans(found, joint, notify if asked else _ignore):
             yield Path(plan.stem), plan
-    of_table = [kind for kind in kinds if kind in TABLE_KINDS]
+    of_table = [kind for kind in kinds if kind in TABLE_KINDS and (asked or kind not in ON_REQUEST)]
     if of_table and (asked or len(chosen) > 1):
         for plan in _table_plans(opened, chosen, of_table, notify if asked else _ignore, damaged):
             yield Path(plan.stem), plan

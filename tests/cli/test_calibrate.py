@@ -71,6 +71,14 @@ def test_the_same_as_json_and_a_copy_with_the_values(config: Path) -> None:
     assert {disc.mass for disc in named.case.rotor.discs} == {found["values"]["rotor.discs.mass"]}
 
 
+def test_a_limit_is_told_as_one(config: Path) -> None:
+    done = agfb("calibrate", "mine.toml", "--set", "calibrate.targets=[{value = 1.2, limit = 'upper'}]")
+    assert done.exit_code == ExitCode.DONE, done.output
+    (line,) = (line for line in done.stdout.splitlines() if line.startswith("onset speed"))
+    assert "at most 1.2" in line
+    assert " 0 " in line, "what lies below counts nothing"
+
+
 def test_one_that_does_not_converge_shows_the_best_and_exits_with_3(config: Path) -> None:
     done = agfb("calibrate", "mine.toml", "--set", "calibrate.max_evaluations=2")
     assert done.exit_code == ExitCode.CASES_FAILED
