@@ -29,7 +29,7 @@ def swept() -> tuple[NamedCase, ...]:
 
 
 def speed_of(frequency: float, pressure: str, ratio: float) -> float:
-    """A first bifurcation that is known: the change of the pressure lowers it, that of the ratio raises it."""
+    """A known first bifurcation: the change of the pressure lowers it, that of the ratio raises it."""
     return 1.0 + 0.1 * frequency - 0.2 * (pressure == "gauge") + 0.5 * (0.9 - ratio)
 
 
