@@ -72,7 +72,9 @@ def test_the_search_wants_what_the_paper_prints():
     wanted = {}
     for target in named.case.calibrate.targets:
         stiffness = target.set["bearings.foil.stiffness"]
-        wanted.setdefault(target.quantity, {})[stiffness, target.set.get("excitation.frequency")] = target.value
+        wanted.setdefault(target.quantity, {})[stiffness, target.set.get("excitation.frequency")] = (
+            target.value
+        )
     low = {3: 1.1, 10: 0.95, 20: 0.95, 50: 0.95}
     assert wanted["onset_speed"] == {(k, 0.2): speed for k, speed in low.items()}
     assert wanted["corner_frequency"] == {(k, None): at for k, at in ANTIRESONANCES.items()}
