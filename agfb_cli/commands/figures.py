@@ -60,9 +60,8 @@ def figures(
     waterfall, spectrum, poincare, modal-energy; for several cases together: sets (bifurcation sets in one
     map), envelopes (one below the other), tornado and scatter (results over the keys in which the cases
     differ), and only on request changes (the first bifurcation with one change of a key at a time, by foil
-    stiffness and excitation frequency; the first case is the base). No figure shows the branches of the
-    search (cycles/s000, ...). Files are DIRECTORY/CASE/FIGURE.FORMAT, without CASE for several cases; equal
-    stores give equal bytes.
+    stiffness and excitation frequency). No figure shows the branches of the search (cycles/s000, ...).
+    Files are DIRECTORY/CASE/FIGURE.FORMAT, without CASE for several cases; equal stores give equal bytes.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):

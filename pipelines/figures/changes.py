@@ -1,11 +1,12 @@
 """What changes of single keys do to the first bifurcation: one panel for each foil and excitation frequency.
 
-The first case is the base.  Cases of a panel agree with one another in foil stiffness and excitation
-frequency; each row is one change of the other keys, the base on top.
+Cases of a panel agree with one another in foil stiffness and excitation frequency; each row is one change of
+the other keys.  The base, on top, has of each key the value that most cases have.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -23,6 +24,7 @@ RESULT, KIND = "first_bifurcation_speed", "first_bifurcation"
 MARKERS = {"neimark_sacker": "o", "period_doubling": "s", "fold": "^"}
 OTHER = "D"
 BASE = "unchanged"
+NONE = "none"
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class ChangePanel:
 
 
 def change_panels(table: CaseTable) -> list[ChangePanel]:
-    """The panels by the order of the cases; none without changes or without first bifurcations."""
+    """The panels by rising conditions; none without changes or without first bifurcations."""
     results = {column.name: column.values for column in table.outputs}
     conditions = [column for column in table.inputs if column.name in CONDITIONS]
     changed = [column for column in table.inputs if column.name not in CONDITIONS]
@@ -56,11 +58,12 @@ def change_panels(table: CaseTable) -> list[ChangePanel]:
         return []
     found: dict[str, list[Change]] = {}
     labels = list(_labels(changed))
-    for case, label in enumerate(labels):
+    for case in sorted(range(len(labels)), key=lambda case: [column.values[case] for column in conditions]):
+        label = labels[case]
         title = ", ".join(_named(conditions, case))
         change = Change(label, float(results[RESULT][case]), str(results[KIND][case]))
         found.setdefault(title, []).append(change)
-    ordered = {label: place for place, label in enumerate(dict.fromkeys(labels))}
+    ordered = {label: place for place, label in enumerate(dict.fromkeys([BASE, *labels]))}
     return [
         ChangePanel(title, tuple(sorted(changes, key=lambda each: ordered[each.label])))
         for title, changes in found.items()
@@ -68,15 +71,13 @@ def change_panels(table: CaseTable) -> list[ChangePanel]:
 
 
 def _labels(columns: Sequence[Column]) -> Iterator[str]:
-    """For each case the keys that differ from the first case, with their values."""
+    """For each case the keys that differ from the base, with their values."""
+    usual = [Counter(column.values.tolist()).most_common(1)[0][0] for column in columns]
     for case in range(len(columns[0].values)):
-        differing = [column for column in columns if not _same(column, case)]
+        differing = [
+            column for column, base in zip(columns, usual, strict=True) if column.values[case] != base
+        ]
         yield ", ".join(_named(differing, case)) or BASE
-
-
-def _same(column: Column, case: int) -> bool:
-    value, base = column.values[case], column.values[0]
-    return bool(value == base or (column.is_number and np.isnan(value) and np.isnan(base)))
 
 
 def _named(columns: Sequence[Column], case: int) -> Iterator[str]:
@@ -88,12 +89,15 @@ def _named(columns: Sequence[Column], case: int) -> Iterator[str]:
 @style.in_style
 def draw_changes(panels: Sequence[ChangePanel], note: str) -> Figure:
     """Speeds of the first bifurcation by change; a line marks the base."""
-    most = max(len(panel.changes) for panel in panels)
+    labels = list(dict.fromkeys(each.label for panel in panels for each in panel.changes))
     rows, columns = (len(panels) + 1) // 2, min(2, len(panels))
-    figure = style.new_figure(0.9 + rows * (0.7 + 0.16 * most))
-    grid = figure.subplots(rows, columns, squeeze=False)
+    figure = style.new_figure(1.0 + rows * (0.8 + 0.2 * len(labels)))
+    grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
     for axes, panel in zip(grid.flat, panels, strict=False):
-        _draw_panel(axes, panel)
+        _draw_panel(axes, panel, labels)
+    grid[0, 0].set_yticks(np.arange(len(labels)), [label.replace(", ", ",\n") for label in labels])
+    grid[0, 0].tick_params(axis="y", labelsize=6.0)
+    grid[0, 0].set_ylim(len(labels) - 0.5, -0.5)
     for axes in grid.flat[len(panels) :]:
         axes.axis("off")
     kinds = dict.fromkeys(each.kind for panel in panels for each in panel.changes if np.isfinite(each.speed))
@@ -113,18 +117,16 @@ def draw_changes(panels: Sequence[ChangePanel], note: str) -> Figure:
     return style.finish(figure, "speed of the first bifurcation with one change at a time", note)
 
 
-def _draw_panel(axes: Axes, panel: ChangePanel) -> None:
-    places = np.arange(len(panel.changes))
-    for place, change in zip(places, panel.changes, strict=True):
+def _draw_panel(axes: Axes, panel: ChangePanel, labels: Sequence[str]) -> None:
+    for change in panel.changes:
+        place = labels.index(change.label)
         if np.isfinite(change.speed):
             axes.plot([panel.base, change.speed], [place, place], color=style.SKY, linewidth=2.0)
             axes.plot(change.speed, place, MARKERS.get(change.kind, OTHER), color=style.BLUE, markersize=4)
+        else:
+            axes.text(0.5, place, NONE, transform=axes.get_yaxis_transform(), ha="center", va="center")
     if np.isfinite(panel.base):
         axes.axvline(panel.base, color=style.BLACK, linewidth=0.8)
-    axes.set_yticks(
-        places, [f"{each.label}{'' if np.isfinite(each.speed) else ' (none)'}" for each in panel.changes]
-    )
-    axes.set_ylim(len(panel.changes) - 0.5, -0.5)
     axes.grid(False, axis="y")
     axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.set_title(panel.title)

@@ -77,6 +77,12 @@ def test_every_change_stands_beside_the_base_of_its_own_panel(table: CaseTable) 
     assert panels[1].changes[2].speed == pytest.approx(speed_of(0.7, "absolute", 0.6))
 
 
+def test_the_base_has_the_values_of_most_cases_wherever_it_stands(store: Store, table: CaseTable) -> None:
+    backwards = change_panels(case_table(store, table.cases[::-1]))
+    assert [panel.changes[0].label for panel in backwards] == [BASE, BASE]
+    assert backwards[0].base == pytest.approx(speed_of(0.2, "absolute", 0.9))
+
+
 def test_the_figure_shows_every_speed_and_the_base(table: CaseTable) -> None:
     panels = change_panels(table)
     figure = draw_changes(panels, "a note")
@@ -88,9 +94,9 @@ def test_the_figure_shows_every_speed_and_the_base(table: CaseTable) -> None:
             if line.get_marker() in ("o", "s")
         }
         assert drawn == {each.speed for each in panel.changes if np.isfinite(each.speed)}
-        labels = [text.get_text() for text in axes.get_yticklabels()]
-        assert labels[0] == BASE
-        assert labels[2].endswith("(none)") == (panel is panels[0])
+        assert ("none" in {text.get_text() for text in axes.texts}) == (panel is panels[0])
+    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    assert labels == [BASE, "pressure = gauge", "ratio = 0.6"]
 
 
 def test_it_is_drawn_on_request_only(store: Store, tmp_path: Path) -> None:
