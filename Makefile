@@ -102,6 +102,12 @@ $(NUMBERED) $(LETTERED): $(INSTALLED)
 	$(foreach stage,$(STAGES_$(number)),$(call compute,$(stage)))
 	$(foreach letter,$(letters),$(call draw,$(letter)))
 
+.PHONY: readings
+readings: $(INSTALLED) ## what other readings of the paper change: 72 branches, build/paper/figures/readings.png
+	$(BIN)/agfb continue-cycles configs/paper/readings.toml -o $(PAPER)/readings.zarr --workers $(WORKERS) $(OPTIONS) \
+		|| test $$? -eq 3
+	$(BIN)/agfb figures $(PAPER)/readings.zarr -o $(PAPER)/figures/readings.png --figure changes
+
 bench: $(INSTALLED) ## measure the ratios of configs/performance.md: build/bench.json
 	$(BIN)/python -m tests.benchmarks
 

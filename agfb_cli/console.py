@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,6 +12,7 @@ from dataclasses import dataclass, field
 from threading import Timer
 from typing import Any, TextIO
 
+_IN_UNITS = re.compile(r"(.*) \[(.*)\]")
 _CLEAR_LINE = "\r\x1b[K"
 
 
@@ -107,8 +109,31 @@ def words(identifier: str) -> str:
 
 
 def name_values(values: Mapping[str, object]) -> str:
-    """`name=value` pairs on one line, underscores of the names as spaces."""
-    return ", ".join(f"{name.replace('_', ' ')} {_cell(value)}" for name, value in values.items())
+    """Names and values on one line, underscores of the names as spaces; nothing is `none`.
+
+    A value under `name [rpm]` follows that of `name` in parentheses.
+    """
+    units = {name: _IN_UNITS.fullmatch(name) for name in values}
+    told = []
+    for name, value in values.items():
+        if units[name]:
+            continue
+        same = [
+            f" ({_rounded(values[other])} {found[2]})"
+            for other, found in units.items()
+            if found and found[1] == name
+        ]
+        told.append(f"{name.replace('_', ' ')} {'none' if value is None else _cell(value)}{''.join(same)}")
+    return ", ".join(told)
+
+
+def _rounded(value: object) -> str:
+    """A number in SI units: five digits are enough for a reader."""
+    return (
+        (f"{value:.0f}" if 1e3 <= abs(value) < 1e7 else f"{value:.4g}")
+        if isinstance(value, float)
+        else str(value)
+    )
 
 
 def _cell(value: object) -> str:

@@ -34,14 +34,15 @@ def show_plan(
 ) -> None:
     """Show the plan of a store that is made `afresh` or resumed by a number of processes."""
     seconds, unknown = time_left(planned, processes)
+    least = sum(each.least_seconds or 0.0 for each in planned) / processes
     if console.json:
         console.json_data(
             {"store": str(store), "plan": [each.as_dict() for each in planned]}
-            | {"processes": processes, "seconds": seconds, "unknown": unknown}
+            | {"processes": processes, "seconds": seconds, "least_seconds": least, "unknown": unknown}
         )
         return
     console.data(table(("case", "stage", "there", "points", "time left"), [_row(each) for each in planned]))
-    parts = [f"about {in_words(seconds)} at most"] if seconds else []
+    parts = [_about(least, seconds)] if seconds else []
     parts += [f"stages of unknown length: {unknown}"] if unknown else []
     console.data(f"left: {'; '.join(parts) or 'nothing'}")
     if seconds:
@@ -65,5 +66,10 @@ def _row(each: Planned) -> tuple[Any, ...]:
     elif each.seconds == 0.0:
         left = "-"
     else:
-        left = f"about {in_words(each.seconds)} at most" + (f" ({each.note})" if each.note else "")
+        left = _about(each.least_seconds, each.seconds) + (f" ({each.note})" if each.note else "")
     return each.case_id, each.stage.replace("_", "-"), each.there.value, points, left
+
+
+def _about(least: float | None, most: float) -> str:
+    """A time of which the largest value is known, and perhaps the smallest."""
+    return f"about {in_words(least)} to {in_words(most)}" if least else f"about {in_words(most)} at most"

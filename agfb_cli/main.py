@@ -9,6 +9,7 @@ import typer
 
 from agfb_cli.commands import (
     calibrate,
+    coefficients,
     compare,
     compare_paper,
     continue_cycles,
@@ -100,6 +101,7 @@ def agfb(
 
 app.command("linearize", help=linearize.HELP)(linearize.linearize)
 app.command("criticals", help=criticals.HELP)(criticals.criticals)
+app.command("coefficients", help=coefficients.HELP)(coefficients.coefficients)
 app.command("unbalance-response", help=unbalance_response.HELP)(unbalance_response.unbalance_response)
 app.command("survey", help=survey.HELP)(survey.survey)
 app.command("continue-cycles", help=continue_cycles.HELP)(continue_cycles.continue_cycles)

@@ -20,6 +20,7 @@ SECONDS_BETWEEN_FRAMES = 0.1
 CASES_SHOWN = 20
 
 Results = Sequence[tuple[str, "StageResult"]]
+Left = tuple[float, float]  # seconds at least and at most
 
 
 @dataclass
@@ -30,10 +31,11 @@ class _Track:
     first_done: int
     shown: float = -math.inf
     newest: Progress | None = None
+    left: Left | None = None
 
     def text(self, now: float) -> str:
         assert self.newest is not None
-        return describe(self.newest, self.newest.done - self.first_done, now - self.started)
+        return describe(self.newest, self.newest.done - self.first_done, now - self.started, self.left)
 
 
 class ProgressReporter:
@@ -51,6 +53,9 @@ class ProgressReporter:
         self._clock = clock
         self._tasks, self._ended = tasks, 0
         self._tracks: dict[tuple[str, str, str], _Track] = {}  # by stage, case and part
+        self._begun: dict[
+            tuple[str, str], tuple[float, float]
+        ] = {}  # by stage and case: when, with what done
         self._frame = -math.inf
 
     def __call__(self, progress: Progress) -> None:
@@ -63,11 +68,22 @@ class ProgressReporter:
             # A resumed branch starts at its last committed point: the rate counts only what is computed now,
             # and of a stage with several branches the one that it is at.
             track = self._tracks[subject] = _Track(now, progress.done)
-        track.newest = progress
+        track.newest, track.left = progress, self._left(progress, now)
         if self._console.animated:
             self._show_frame(now)
         else:
             self._show_line(track, progress, now)
+
+    def _left(self, progress: Progress, now: float) -> Left | None:
+        """The time that the whole stage still takes, by what it has done since its first report."""
+        if progress.work is None:
+            return None
+        done, least, most = progress.work
+        started, before = self._begun.setdefault((progress.stage, progress.case_id), (now, done))
+        if done <= before or now <= started:
+            return None
+        pace = (now - started) / (done - before)
+        return pace * least, pace * most
 
     def _show_frame(self, now: float) -> None:
         if now - self._frame < SECONDS_BETWEEN_FRAMES:
@@ -88,6 +104,7 @@ class ProgressReporter:
     def ended(self, stage: str, case_id: str) -> None:
         """End a stage on a case: drop its state and clear the overwritten line."""
         self._ended += 1
+        self._begun.pop((stage.replace("_", "-"), case_id), None)
         for subject in [each for each in self._tracks if each[:2] == (stage.replace("_", "-"), case_id)]:
             del self._tracks[subject]
         if self._console.animated and self._frame > -math.inf:
@@ -95,14 +112,19 @@ class ProgressReporter:
         self._frame = -math.inf
 
 
-def describe(progress: Progress, newly_done: int, elapsed: float) -> str:
-    """One line: stage, case, `done/total`, rate and time left as far as they are known."""
+def describe(progress: Progress, newly_done: int, elapsed: float, left: Left | None = None) -> str:
+    """One line: stage, case, `done/total`, rate and time left as far as they are known.
+
+    ``left``: of the whole stage, where a report tells of a part of it.
+    """
     parts = [f"{progress.done}/{progress.total}" if progress.total else f"{progress.done}"]
     if newly_done > 0 and elapsed > 0:
         rate = newly_done / elapsed
         parts.append(f"{rate:.3g}/s" if rate >= 1 else f"{1 / rate:.3g} s each")
-        if progress.total is not None and progress.total > progress.done:
+        if progress.work is None and progress.total is not None and progress.total > progress.done:
             parts.append(f"at most {duration((progress.total - progress.done) / rate)} left")
+    if left is not None:
+        parts.append(f"{duration(left[0])} to {duration(left[1])} left")
     if progress.message:
         parts.append(progress.message)
     return f"{progress.stage} {progress.case_id}: " + ", ".join(parts)

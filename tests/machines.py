@@ -31,7 +31,7 @@ def symmetric_rotor(**changes: Any) -> dict[str, Any]:
 
 
 def case(
-    grid: tuple[int, int] = (40, 3),
+    grid: tuple[int, int] | None = None,
     *,
     bearings: tuple[dict[str, Any], dict[str, Any]] = (BEARING, BEARING),
     displacement: float = 0.2,
@@ -40,7 +40,11 @@ def case(
     excitation: dict[str, Any] | None = None,
     **tables: Any,
 ) -> Case:
-    """The reconstructed machine on a grid N_theta x N_z; whole tables or keys of some replaced."""
+    """The reconstructed machine on the default film, or in second order on a grid N_theta x N_z.
+
+    Whole tables or keys of some are replaced.
+    """
+    film = {} if grid is None else {"circumferential": grid[0], "axial": grid[1], "scheme": "central"}
     content = {
         "name": "reconstruction",
         "gas": {"viscosity": 1.85e-5, "ambient_pressure": 101325.0},
@@ -48,7 +52,7 @@ def case(
         "bearings": [{"node": node, **bearing} for node, bearing in zip((2, 12), bearings, strict=True)],
         "excitation": {"displacement": displacement, "frequency": 0.7, **(excitation or {})},
         "operation": {"speed": speed},
-        "numerics": {"circumferential": grid[0], "axial": grid[1], **(numerics or {})},
+        "numerics": {**film, **(numerics or {})},
         **tables,
     }
     return Case.model_validate(content)

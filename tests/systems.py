@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 from numba import njit
+from scipy.optimize import brentq
+from scipy.special import mathieu_a, mathieu_b
 
 from pipelines.machine.kernels import RATES, TANGENT
 from pipelines.orbits.compiled import dense_shifted
@@ -151,6 +153,54 @@ def duffing_tangent(phase, s, block, p, constants, layout, work, out):  # type: 
 def duffing() -> DynamicalSystem:
     """x'' + 0.1 x' + x + x^3 = load cos(omega tau), parameters (omega, load)."""
     return DynamicalSystem(2, duffing_rates, duffing_tangent, ("omega", "load"), forcing=0)
+
+
+# --- Damped Mathieu oscillator --------------------------------------------------------------------
+
+LEVER = 20.0  # of the damping: a tongue is so much longer in its parameter than in the frequency
+
+
+@njit(RATES, cache=True)
+def damped_mathieu_rates(phase, s, p, constants, layout, work, out):  # type: ignore[no-untyped-def]
+    out[0] = s[1]
+    out[1] = -2.0 * p[1] / constants[0] * s[1] - (1.0 + p[2] * np.cos(phase) + s[0] ** 2) * s[0]
+
+
+@njit(TANGENT, cache=True)
+def damped_mathieu_tangent(phase, s, block, p, constants, layout, work, out):  # type: ignore[no-untyped-def]
+    stiffness = 1.0 + p[2] * np.cos(phase) + 3.0 * s[0] ** 2
+    for j in range(block.shape[1]):
+        out[0, j] = block[1, j]
+        out[1, j] = -2.0 * p[1] / constants[0] * block[1, j] - stiffness * block[0, j]
+
+
+def damped_mathieu() -> DynamicalSystem:
+    """x'' + 2 damping/LEVER x' + (1 + h cos(omega tau)) x + x^3 = 0 with parameters (omega, damping, h).
+
+    At rest the product of the multipliers is exp(-2 damping T/LEVER): Neimark-Sacker points at damping = 0
+    but for the tongues around omega = 2/n, see ``mathieu_tongue``.
+    """
+    return DynamicalSystem(
+        2, damped_mathieu_rates, damped_mathieu_tangent, ("omega", "damping", "h"), forcing=0,
+        constants=np.array([LEVER]),
+    )  # fmt: skip
+
+
+def mathieu_tongue(order: int, h: float) -> tuple[float, float]:
+    """Both ends of the n-th tongue of ``damped_mathieu`` at damping = 0, in omega: exact.
+
+    With t = omega tau/2 the equation is x'' + (a + 2 q cos 2t) x = 0, a = 4/omega^2, q = 2 h/omega^2; the
+    tongue lies between the characteristic values b_n(q) and a_n(q) (DLMF 28.2).
+    """
+
+    def end(characteristic) -> float:  # type: ignore[no-untyped-def]
+        def gap(omega: float) -> float:
+            return float(4.0 / omega**2 - characteristic(order, 2.0 * h / omega**2))
+
+        return float(brentq(gap, 1.8 / order, 2.2 / order, xtol=1e-15))
+
+    first, second = sorted((end(mathieu_a), end(mathieu_b)))
+    return first, second
 
 
 def implicit(system: DynamicalSystem) -> DynamicalSystem:

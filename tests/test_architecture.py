@@ -45,8 +45,8 @@ CONFINED = {
 ORDER = {
     "orbits": (
         "system", "solving", "vectors", "steppers", "integration", "period_map", "compiled", "floquet",
-        "shooting", "time_steps", "harmonic_balance", "forced_cycle", "hopf_start", "machine_cycles",
-        "equilibria", "time_runs",
+        "shooting", "time_steps", "harmonic_balance", "forced_cycle", "grazing", "hopf_start",
+        "machine_cycles", "equilibria", "time_runs",
     ),
     "bifurcations": (
         "continuation", "acceptance", "roots", "cycles", "detection", "location", "branch", "arclength",
@@ -54,8 +54,9 @@ ORDER = {
         "hopf_point", "tori",
     ),
     "stages": (
-        "results", "parameter_columns", "job", "parts", "step_errors", "ending", "linear", "cycles", "curves",
-        "survey", "transients", "tori", "refinement", "calibration", "reports", "scheduling",
+        "results", "parameter_columns", "job", "parts", "step_errors", "regularised", "ending", "pass_counts",
+        "linear", "cycles", "survey", "certificate", "curves", "transients", "tori", "refinement",
+        "calibration", "reports", "scheduling",
     ),
 }  # fmt: skip
 TOP_LEVEL_FOLDERS = {"agfb_cli", "pipelines", "configs", "tests"}

@@ -30,9 +30,10 @@ def test_the_wheel_holds_every_module_and_nothing_else(wheel: Path) -> None:
         path.relative_to(ROOT).as_posix()
         for package in ("agfb_cli", "pipelines")
         for path in (ROOT / package).rglob("*")
-        if path.suffix == ".py" or path.name == "py.typed"
+        if path.suffix in {".py", ".html", ".css", ".js"} or path.name == "py.typed"
     }
-    assert {"agfb_cli/py.typed", "pipelines/py.typed"} <= sources
+    page = {f"pipelines/figures/page/page.{ending}" for ending in ("html", "css", "js")}
+    assert {"agfb_cli/py.typed", "pipelines/py.typed", *page} <= sources
     packaged = {name for name in names if ".dist-info/" not in name}
     assert packaged == sources
 

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 HELP = """Fit machine parameters to measured or printed speeds.
 
-Changes the keys of calibrate.parameters within their ranges until onset speeds, critical speeds and slopes
-of the onset speed meet calibrate.targets: bounded least squares with numerical derivatives. Every computed
+Changes the keys of calibrate.parameters within their ranges until onset speeds, critical speeds, slopes of
+the onset speed, growth rates of period doubling and corners, where Neimark-Sacker points end on period
+doublings, meet calibrate.targets: bounded least squares with numerical derivatives. Every computed
 machine is committed; an interrupted search resumes from the last one. Writes cases/CASE/calibration into the
 store and shows target and reached values, the fitted values, how well the targets determine them, and the
 --set assignments of the fitted machine. Exit code 3 if the search did not converge.
@@ -67,18 +68,22 @@ def _conclude(outcome: Outcome, request: Request, console: Console) -> None:
         cases = {each.case_id: each.as_dict() for each in found}
         console.json_data({"store": str(request.store), "results": outcome.records(), "cases": cases})
         return
+    named = {each.case_id: each for each in chosen}
     for calibration in found:
-        show(calibration, console)
+        show(calibration, named[calibration.case_id], console)
 
 
-def show(found: Calibration, console: Console) -> None:
-    """Show targets, parameters, undetermined directions and assignments."""
+def show(found: Calibration, named: NamedCase, console: Console) -> None:
+    """Show targets, parameters, undetermined directions, and assignments in the units of the file."""
+    from pipelines.case.rewriting import in_units_of_file
+
+    wanted = {"exact": "{:.6g}", "upper": "at most {:.6g}", "lower": "at least {:.6g}"}
     rows = [
-        (row.target, row.wanted, row.reached, row.difference, row.deviation,
-         row.bifurcation.replace("_", " ").replace("unset", "-"), row.remark)
+        (row.target, row.unit, wanted[row.limit].format(row.wanted), row.reached, row.difference,
+         row.deviation, row.bifurcation.replace("_", " ").replace("unset", "-"), row.remark)
         for row in found.targets
     ]  # fmt: skip
-    header = ("target", "wanted", "reached", "difference", "in uncertainties", "bifurcation", "")
+    header = ("target", "unit", "wanted", "reached", "difference", "in uncertainties", "bifurcation", "")
     console.data(f"\n{found.case_id}: {found.machines} machines")
     console.data(table(header, rows))
     bounds = {"": "", "lowest": "at the lowest of its range", "highest": "at the highest of its range"}
@@ -92,7 +97,7 @@ def show(found: Calibration, console: Console) -> None:
         parts = ", ".join(f"{key} {part:+.2f}" for key, part in direction.items())
         console.data(f"not determined by the targets, in parts of the ranges: {parts}")
     console.data("")
-    for key, value in found.values.items():
+    for key, value in in_units_of_file(named, found.values).items():
         console.data(f"--set {key}={value!r}")
 
 

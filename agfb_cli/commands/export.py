@@ -24,13 +24,17 @@ class FileFormat(StrEnum):
     csv = "csv"
     netcdf = "netcdf"
     mat = "mat"
+    ross = "ross"
 
 
 Folder = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FOLDER", help="Default: NAME-export beside the store NAME.zarr."),
 ]
-Kind = Annotated[FileFormat, typer.Option("--format", help="Tables, netCDF 3 (needs xarray), or MATLAB.")]
+Kind = Annotated[
+    FileFormat,
+    typer.Option("--format", help="Tables, netCDF 3 (needs xarray), MATLAB, or bearings of ROSS 3."),
+]
 Full = Annotated[bool, typer.Option("--full", help="Also states, orbits and films, which are large.")]
 Overwrite = Annotated[bool, typer.Option("--force", help="Replace existing files.")]
 
@@ -50,7 +54,8 @@ def export(
     """Write a store as files for other programs.
 
     Comma-separated tables (one per group and dimension, with comment lines that explain the columns), netCDF
-    (one file per group) or MATLAB (one file per case). Numbers keep all digits; units are included.
+    (one file per group), MATLAB (one file per case), or the coefficients of every bearing for ROSS 3. Numbers
+    keep all digits; units are included.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
@@ -78,6 +83,8 @@ def write(
     from pipelines.datasets.exporting import planned_files, write_files
 
     files = [planned for case in cases for planned in planned_files(store, case, folder, kind, full)]
+    if kind == FileFormat.ross and not files:
+        raise UsageError("no case has coefficients of bearings", "`agfb coefficients CONFIG` computes them")
     taken = [planned.path for planned in files if planned.path.exists()]
     if taken and not force:
         more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""

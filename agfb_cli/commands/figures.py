@@ -56,11 +56,13 @@ def figures(
     """Draw the figures of a store.
 
     Nothing is computed. Kinds of figures: machine, linearization, campbell, condensation, bode, bifurcation,
-    multipliers, orbits, film, tree, stability, survey, tori, section; for transients: envelope, unbalance,
-    waterfall, spectrum, poincare, modal-energy; for several cases together: sets (bifurcation sets in one
-    map), envelopes (one below the other), tornado and scatter (results over the keys in which the cases
-    differ). No figure shows the branches of the search (cycles/s000, ...). Files are
-    DIRECTORY/CASE/FIGURE.FORMAT, without CASE for several cases; equal stores give equal bytes.
+    multipliers, orbits, film, tree, stability, survey, certificate, tori, section, operating-point,
+    coefficients, critical-map, polar; for transients: envelope, unbalance, waterfall, spectrum, poincare,
+    modal-energy; for several cases together: sets (bifurcation sets in one map), envelopes (one below the
+    other), tornado and scatter (results over the keys in which the cases differ), and only on request changes
+    (the first bifurcation with one change of a key at a time, by foil stiffness and excitation frequency). No
+    figure shows the branches of the search (cycles/s000, ...). Files are DIRECTORY/CASE/FIGURE.FORMAT,
+    without CASE for several cases; equal stores give equal bytes.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):

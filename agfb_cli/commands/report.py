@@ -2,31 +2,42 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agfb_cli.console import Console, table, words
+from agfb_cli import range_text
+from agfb_cli.console import Console, table
 from agfb_cli.errors import ExitCode, UsageError, explained
 from agfb_cli.inputs import existing_store, matching
 from agfb_cli.options import AsJson, CasePattern, Quiet, Store, Traceback, Verbose
+from agfb_cli.surroundings import load_matplotlib
 
 if TYPE_CHECKING:
     from pipelines.datasets.store import Store as StoreOnDisk
-    from pipelines.stages.reports.operating_range import Best, OperatingRange, Stretch
+    from pipelines.stages.curves.open_ends import OpenEnd
+    from pipelines.stages.regularised import Regularised
+    from pipelines.stages.reports.operating_range import OperatingRange
     from pipelines.stages.reports.survey_summary import SurveySummary
 
-Scales = Mapping[str, float]
-BIFURCATIONS = {"fold": "fold", "period_doubling": "period doubling", "neimark_sacker": "Neimark-Sacker"}
 CURVES = ("pd", "ns", "folds")
+Page = Annotated[
+    Path | None,
+    typer.Option(
+        "--html", metavar="FILE", help="Write a report of all that the store holds as one HTML page."
+    ),
+]
+Overwrite = Annotated[bool, typer.Option("--force", help="Replace an existing page.")]
 
 
 def report(
     store: Store,
+    html: Page = None,
     case: CasePattern = None,
+    force: Overwrite = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
     json: AsJson = False,
@@ -36,27 +47,47 @@ def report(
 
     For every excitation frequency the range extends from the lowest speed to the first period doubling,
     Neimark-Sacker point or fold on the stored curves of `agfb run`. Also reports the best excitation
-    frequency and its gain. Computes only where the curves are crossed. Writes cases/CASE/operating_range,
+    frequency and its gain, and the margin of the operating point: its distances from the boundaries of
+    stable cycles. Computes only where the curves are crossed. Writes cases/CASE/operating_range,
     which `agfb figures` shades. Of a survey (`agfb survey`) it tells how much of the plane is unstable, and
     how the survey agrees with the curves.
+
+    With --html also writes a page with figures, tables and warnings that needs no network. On its stability
+    map a click shows the nearest stored cycle. It holds whatever the store holds, and says what is missing.
     """
     console = Console(quiet, verbose, json, traceback)
     with explained(console):
         path = existing_store(store)
+        if html is not None:
+            refuse_page(html, force)
         found, missing = operating_ranges(path, case)
         surveys = survey_summaries(path, case, found)
         missing = {name: why for name, why in missing.items() if name not in surveys}
         for name in missing:
             console.error(f"{name}: {missing[name]}")
-        if not found and not surveys:
+        if not found and not surveys and html is None:
             raise UsageError(
                 f"{store}: no bifurcation set to report on",
-                "`agfb run CONFIG -o STORE` searches the plane of excitation frequency and speed",
+                "`agfb run CONFIG -o STORE` searches the plane of excitation frequency and speed; "
+                "--html FILE reports on what there is",
             )
         written = store_ranges(path, found, console)
-        show(path, found, surveys, missing, written, console)
-        if missing:
+        told = gather(path, found, surveys)
+        if html is not None:
+            write_page(path, html, case, told, missing, console)
+        show(path, html, told, missing, written, console)
+        if missing and html is None:
             raise typer.Exit(ExitCode.CASES_FAILED)
+
+
+def refuse_page(html: Path, force: bool) -> None:
+    """Raise UsageError for a page that cannot be written."""
+    if html.suffix != ".html":
+        raise UsageError(f"{html}: its ending must be .html")
+    if html.exists() and not force:
+        raise UsageError(
+            f"{html}: there already", "replace it with --force, or name another file with --html"
+        )
 
 
 def operating_ranges(path: Path, pattern: str | None) -> tuple[dict[str, OperatingRange], dict[str, str]]:
@@ -102,53 +133,141 @@ def store_ranges(path: Path, found: Mapping[str, OperatingRange], console: Conso
     return all(written)
 
 
+@dataclass(frozen=True)
+class Told:
+    """What there is to say of a case: its range and its survey, as far as it has them, and doubts.
+
+    ``condensation``: largest error of the condensed rotor's modes; ``uncertain``: points of the curves whose
+    error by the time steps is unknown; ``regularised``: points with regularised clipping; ``open_ends``: of
+    curves inside the plane.
+    """
+
+    scales: range_text.Scales
+    ranges: OperatingRange | None
+    survey: SurveySummary | None
+    condensation: float | None
+    condensation_caution: str
+    uncertain: int
+    regularised: Regularised
+    open_ends: tuple[OpenEnd, ...]
+    cautions: tuple[str, ...]
+
+    def sentences(self) -> list[str]:
+        """Conclusions before the tables of the margin."""
+        if self.ranges is None:
+            return []
+        conclusions = range_text.conclusions(self.ranges, self.scales)
+        return [*conclusions, range_text.operating_point(self.ranges, self.scales)]
+
+    def remarks(self) -> list[str]:
+        """Sentences behind the tables."""
+        from pipelines.stages import regularised
+
+        found = []
+        if self.ranges is not None and self.condensation is not None:
+            error = f"{100.0 * self.condensation:.2g} %"
+            found.append(f"condensed rotor: modes below the highest speed at most {error} off")
+        if self.ranges is not None and (where := regularised.in_words(self.regularised)):
+            found.append(f"curves past kinks of the clipping: {regularised.NAME} {where}")
+        return found if self.survey is None else [*found, self.survey.sentence()]
+
+
+def gather(
+    path: Path, found: Mapping[str, OperatingRange], surveys: Mapping[str, SurveySummary]
+) -> dict[str, Told]:
+    """What there is to say of each case with a range, then of those with a survey alone."""
+    from pipelines.datasets.reading import case_attributes
+    from pipelines.datasets.store import open_for_reading
+    from pipelines.stages import regularised, step_errors
+    from pipelines.stages.curves.open_ends import caution as caution_of
+    from pipelines.stages.curves.open_ends import open_ends
+
+    opened, told = open_for_reading(path), {}
+    for case in [*found, *(case for case in surveys if case not in found)]:
+        ranges = found.get(case)
+        error, doubt = condensation(opened, case)
+        uncertain = step_errors.count_in(opened, curves_of(opened, case))
+        loose = () if ranges is None else tuple(open_ends(opened, case))
+        doubts = (doubt, step_errors.caution(uncertain), caution_of(loose))
+        cautions = () if ranges is None else (*ranges.cautions, *doubts)
+        told[case] = Told(
+            case_attributes(opened, case)["scales"],
+            ranges,
+            surveys.get(case),
+            error,
+            doubt,
+            uncertain[0],
+            regularised.count_in(opened, curves_of(opened, case)),
+            loose,
+            tuple(filter(None, cautions)),
+        )
+    return told
+
+
 def show(
     path: Path,
-    found: Mapping[str, OperatingRange],
-    surveys: Mapping[str, SurveySummary],
+    html: Path | None,
+    told: Mapping[str, Told],
     missing: Mapping[str, str],
     written: bool,
     console: Console,
 ) -> None:
     """Tables on stdout, cautions on stderr; or one JSON document."""
-    from pipelines.datasets.reading import case_attributes
-    from pipelines.datasets.store import open_for_reading
-    from pipelines.stages import step_errors
-
-    opened = open_for_reading(path)
-    condensed = {case: condensation(opened, case) for case in found}
-    uncertain = {case: unknown_step_errors(opened, case) for case in found}
     if console.json:
-        cases = {
-            case: {
-                **as_json(ranges),
-                "condensation_error": condensed[case][0],
-                "condensation_caution": condensed[case][1],
-                "points_without_step_error": uncertain[case][0],
-            }
-            for case, ranges in found.items()
-        }
-        told = {case: summary.as_dict() for case, summary in surveys.items()}
         console.json_data(
-            {"store": str(path), "written": written, "cases": cases, "surveys": told, "missing": missing}
+            {
+                "store": str(path),
+                "written": written,
+                "page": None if html is None else str(html),
+                "cases": {case: as_json(each) for case, each in told.items() if each.ranges is not None},
+                "surveys": {
+                    case: each.survey.as_dict() for case, each in told.items() if each.survey is not None
+                },
+                "missing": dict(missing),
+            }
         )
         return
-    for number, (case, ranges) in enumerate(found.items()):
-        scales: Scales = case_attributes(opened, case)["scales"]
-        console.data(("\n" if number else "") + heading(case, ranges, scales))
-        console.data(boundary_table(ranges, scales))
-        for line in conclusions(ranges, scales):
-            console.data(line)
-        error, doubt = condensed[case]
-        if error is not None:
-            console.data(f"condensed rotor: modes below the highest speed at most {100.0 * error:.2g} % off")
-        if case in surveys:
-            console.data(surveys[case].sentence())
-        for caution in filter(None, (*ranges.cautions, doubt, step_errors.caution(uncertain[case]))):
+    first = True
+    for case, each in told.items():
+        if each.ranges is None:
+            console.data("\n".join(f"{case}: {remark}" for remark in each.remarks()))
+            continue
+        console.data(("" if first else "\n") + range_text.heading(case, each.ranges, each.scales))
+        first = False
+        console.data(table(*range_text.boundary_rows(each.ranges, each.scales)))
+        for sentence in each.sentences():
+            console.data(sentence)
+        if each.ranges.margin is not None:
+            console.data(table(*range_text.margin_rows(each.ranges.margin, each.scales)))
+        for remark in each.remarks():
+            console.data(remark)
+        for caution in each.cautions:
             console.message(f"caution: {case}: {caution}")
-    for case in surveys:
-        if case not in found:
-            console.data(f"{case}: {surveys[case].sentence()}")
+    if html is not None:
+        console.data(str(html))
+
+
+def as_json(told: Told) -> dict[str, Any]:
+    """Attributes and boundary of a range; what is not known is null."""
+    from pipelines.stages import regularised
+
+    ranges = told.ranges
+    assert ranges is not None
+    rows = [ranges.boundary_data(boundary) for boundary in ranges.boundaries]
+    for row, caution in zip(rows, ranges.caution, strict=True):
+        row["caution"] = caution
+    attributes = ranges.attributes()
+    if attributes["margin"] is not None:
+        attributes["margin"] = range_text.with_units(attributes["margin"], told.scales)
+    return {
+        **attributes,
+        "boundary": rows,
+        "condensation_error": told.condensation,
+        "condensation_caution": told.condensation_caution,
+        "points_without_step_error": told.uncertain,
+        **regularised.as_json(told.regularised),
+        "open_ends": [end.as_dict() for end in told.open_ends],
+    }
 
 
 def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:
@@ -161,121 +280,70 @@ def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:
     return attributes.get("condensation_error"), attributes.get("caution", "")
 
 
-def unknown_step_errors(store: StoreOnDisk, case: str) -> tuple[int, int]:
-    """Points of the case's curves whose error by the time steps is unknown, and all of their points."""
+def curves_of(store: StoreOnDisk, case: str) -> list[str]:
+    """Full names of the curves of a case."""
     from pipelines.datasets.reading import list_groups
     from pipelines.datasets.store import local_name
-    from pipelines.stages.step_errors import count_in
 
-    curves = [name for name in list_groups(store, case) if local_name(name).split("/")[0] in CURVES]
-    return count_in(store, curves)
+    return [name for name in list_groups(store, case) if local_name(name).split("/")[0] in CURVES]
 
 
-def as_json(ranges: OperatingRange) -> dict[str, Any]:
-    """Attributes and boundary of a range; what is not known is null."""
-    rows = [ranges.boundary_data(boundary) for boundary in ranges.boundaries]
-    for row, caution in zip(rows, ranges.caution, strict=True):
-        row["caution"] = caution
-    return {**ranges.attributes(), "boundary": rows}
+def write_page(
+    path: Path,
+    html: Path,
+    pattern: str | None,
+    told: Mapping[str, Told],
+    missing: Mapping[str, str],
+    console: Console,
+) -> None:
+    """Write the page of the chosen cases at once and whole."""
+    load_matplotlib()
+    from pipelines.datasets.durable import make_folder, replace_file
+    from pipelines.datasets.reading import list_cases
+    from pipelines.datasets.store import open_for_reading
+    from pipelines.figures.page.report_page import report_page
+
+    opened = open_for_reading(path)
+    cases = matching(list_cases(opened), pattern)
+    console.message("drawing the page")
+    concluded = {case: conclusions(opened, case, told.get(case), missing.get(case, "")) for case in cases}
+    page = report_page(opened, cases, concluded, console.message)
+    make_folder(html.parent, durable=False)
+    replace_file(html, page, durable=False)
 
 
-def heading(case: str, ranges: OperatingRange, scales: Scales) -> str:
-    """Heading of the table."""
-    lowest = f"{_speed(ranges.speeds[0], scales)}"
-    return f"{case}: bifurcation-free from speed {lowest} up to the first bifurcation"
+def conclusions(store: StoreOnDisk, case: str, told: Told | None, missing: str) -> Any:
+    """What the page repeats of the report of a case."""
+    from pipelines.figures.page.case_section import Conclusions, ToldTable
+
+    facts = rotor_facts(store, case)
+    if told is None:
+        return Conclusions(facts=facts, missing=missing)
+    tables = []
+    if told.ranges is not None:
+        header, rows = range_text.boundary_rows(told.ranges, told.scales)
+        tables.append(ToldTable("Bifurcation-free operating range", header, rows))
+        if told.ranges.margin is not None:
+            header, rows = range_text.margin_rows(told.ranges.margin, told.scales)
+            tables.append(ToldTable("Margin of the operating point", header, rows))
+    return Conclusions([*told.sentences(), *told.remarks()], tables, told.cautions, facts, missing)
 
 
-def boundary_table(ranges: OperatingRange, scales: Scales) -> str:
-    """One row for every part of the boundary."""
-    hertz = scales["hertz_per_unit"] if ranges.parameter == "excitation_frequency" else None
-    header = [words(ranges.parameter), "Hz", "up to speed", "rpm", "first bifurcation", "curve", ""]
-    rows = []
-    for part in ranges.stretches():
-        ends = part.first.abscissa, part.last.abscissa
-        rows.append(
-            (
-                _interval(*ends, ".4f"),
-                None if hertz is None else _interval(hertz * ends[0], hertz * ends[1], ".1f"),
-                *_reached(part, scales),
-                _bifurcation(part),
-                None if part.first.curve < 0 else ranges.curves[part.first.curve],
-                "incomplete curve near" if part.caution else "",
-            )
-        )
-    return table(header, rows)
+def rotor_facts(store: StoreOnDisk, case: str) -> list[tuple[str, str]]:
+    """Mass, centre of gravity and bearing loads; nothing where the store lacks them."""
+    from pipelines.datasets.reading import read_group
+    from pipelines.datasets.store import case_group
 
-
-def _reached(part: Stretch, scales: Scales) -> tuple[str | None, str | None]:
-    """Speeds reached in a part, dimensionless and in rpm."""
-    if part.first.base == "unstable":
-        return None, None
-    rpm = scales["speed_rpm_per_unit"]
-    least = "at least " if part.first.is_open else ""
-    return (
-        least + _interval(part.lowest, part.highest, ".4f"),
-        least + _interval(rpm * part.lowest, rpm * part.highest, ".0f"),
-    )
-
-
-def _bifurcation(part: Stretch) -> str:
-    if part.first.base == "unstable":
-        return "unstable from the lowest speed"
-    if part.first.is_open:
-        return "none in the plane"
-    if part.first.bifurcation == "fold":  # which is neither supercritical nor subcritical
-        return "fold"
-    kinds = [kind for kind in part.criticalities if kind != "unset"]
-    known = " and ".join(kinds) + (
-        ", partly unknown" if kinds and len(kinds) < len(part.criticalities) else ""
-    )
-    return BIFURCATIONS[part.first.bifurcation] + f", {known or 'type unknown'}"
-
-
-def conclusions(ranges: OperatingRange, scales: Scales) -> list[str]:
-    """The best excitation frequency and its gains, a sentence each."""
-    if ranges.best is None:
-        return ["no excitation frequency of the plane leaves a stable cycle at the lowest speed"]
-    lines = [_best_sentence(ranges, ranges.best, scales)]
-    least = "at least " if ranges.best.boundary.is_open else ""
-    if ranges.passive_gain is not None and ranges.passive is not None:
-        passive = _speed(ranges.passive, scales)
-        lines.append(f"against displacement 0 (unstable from {passive}): {least}{ranges.passive_gain:+.1%}")
-    reference = ranges.reference
-    if reference is not None:
-        where = f"against {words(ranges.parameter)} {reference.abscissa:.4g}"
-        if ranges.reference_gain is not None:
-            speed = _speed(reference.speed, scales)
-            lines.append(f"{where} (up to {speed}): {least}{ranges.reference_gain:+.1%}")
-        else:
-            why = "no bifurcation in the plane" if reference.is_open else "unstable from the lowest speed"
-            lines.append(f"{where}: gain not defined, {why}")
-    return lines
-
-
-def _best_sentence(ranges: OperatingRange, best: Best, scales: Scales) -> str:
-    found = best.boundary
-    frequency = _abscissa(ranges, found.abscissa, scales)
-    from_to = f"{_speed(ranges.speeds[0], scales)} to {_speed(found.speed, scales)}"
-    interval = " to ".join(_abscissa(ranges, value, scales) for value in best.interval)
-    if found.is_open:
-        return f"best: {words(ranges.parameter)} {frequency}, nothing bounds {from_to}, nor from {interval}"
-    sentence = f"best: {words(ranges.parameter)} {frequency}, free from {from_to}"
-    if ranges.passive is not None and best.interval[0] < best.interval[1] and found.speed > ranges.passive:
-        sentence += f"; better than displacement 0 from {interval}"
-    return sentence
-
-
-def _abscissa(ranges: OperatingRange, value: float, scales: Scales) -> str:
-    if ranges.parameter != "excitation_frequency":
-        return f"{value:.4g}"
-    return f"{value:.4f} ({scales['hertz_per_unit'] * value:.1f} Hz)"
-
-
-def _speed(value: float, scales: Scales) -> str:
-    return f"{value:.4f} ({scales['speed_rpm_per_unit'] * value:.0f} rpm)"
-
-
-def _interval(low: float, high: float, form: str) -> str:
-    """Two numbers with a dash, or one if they look alike."""
-    first, last = format(low, form), format(high, form)
-    return first if first == last or math.isclose(low, high) else f"{first} - {last}"
+    group = case_group(case, "machine")
+    rotor = read_group(store, group, ()).attributes.get("rotor") if store.has_group(group) else None
+    if rotor is None:
+        return []
+    loads = [
+        (f"static load of bearing {number}", f"{load:.4g} N")
+        for number, load in enumerate(rotor["bearing_loads"], start=1)
+    ]
+    return [
+        ("mass", f"{rotor['mass']:.4g} kg"),
+        ("centre of gravity, from node 0", f"{1e3 * rotor['centre_of_gravity']:.4g} mm"),
+        *loads,
+    ]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from agfb_cli.console import Console, name_values, words
+from agfb_cli.console import Console, name_values, table, words
 from agfb_cli.dry_run import make_plan, show_plan
 from agfb_cli.errors import ExitCode, explained
 from agfb_cli.inputs import default_store, load_cases, refuse_stages, select_cases
@@ -210,7 +210,7 @@ def compute(
     cautioned: set[str] = set()
     tasks = len(stages) * len(named_cases) if len(named_cases) > 1 else None
     reporter = ProgressReporter(console, tasks=tasks)
-    with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
+    with console.announce_if_slow("loading kernels (a first run compiles)", SECONDS_BEFORE_ANNOUNCEMENT):
         for stage in stages:  # also for the workers, which load what is compiled here
             registry.stage_function(stage)
     work = (stages, named_cases, request.store)
@@ -226,7 +226,7 @@ def compute(
             outcome.results.append((stage, result))
             reporter.ended(stage, result.case_id)
             if not interruption.requested():
-                announce(stage, result, console)
+                announce(stage, result, console, with_tables=len(named_cases) == 1)
                 caution = f"{result.case_id}: {result.caution}"
                 if result.caution and caution not in cautioned:  # once, not with every stage of the case
                     console.message(f"caution: {caution}")
@@ -247,7 +247,7 @@ def prepare(request: Request, named_cases: Sequence[NamedCase], console: Console
     """Create the store, or check that the one that exists was made from the same configuration."""
     from pipelines.stages.scheduling.first_run import compiling_beside
 
-    compiling = "compiling kernels (first run only)"
+    compiling = "loading kernels (a first run compiles)"
     with console.announce_if_slow(compiling, SECONDS_BEFORE_ANNOUNCEMENT), compiling_beside():
         from pipelines.stages.scheduling.preparation import prepare_store
 
@@ -259,12 +259,18 @@ def relative(path: Path) -> Path:
     return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
-def announce(stage: str, result: StageResult, console: Console) -> None:
-    """Show one result: a line on stdout when it succeeded, the reason and the advice on stderr when not."""
+def announce(stage: str, result: StageResult, console: Console, with_tables: bool = False) -> None:
+    """Show one result: a line on stdout when it succeeded, the reason and the advice on stderr when not.
+
+    ``with_tables``: its tables too.
+    """
     name = f"{stage.replace('_', '-')} {result.case_id}"
     if result.ok and not console.json:
         numbers = name_values(result.summary)
         console.data(f"{name}: {words(result.stop_reason)}" + (f" ({numbers})" if numbers else ""))
+        for title, rows in result.tables.items() if with_tables else ():
+            console.data(f"\n{words(title)}")
+            console.data(table(list(rows[0]), [list(row.values()) for row in rows]) if rows else "none")
     if not result.ok:
         console.error(f"{name}: failed: {words(result.stop_reason)}")
         if result.advice:

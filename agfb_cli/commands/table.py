@@ -42,7 +42,8 @@ def case_table(
 
     Inputs are the configuration keys in which the cases differ. Results are what the store holds: the
     instability speed, critical speeds, the first bifurcation of the branch cycles/b000, and the best
-    excitation frequency with its gain, as of `agfb report`, which is done for cases with a bifurcation set.
+    excitation frequency with its gain and the margin of the operating point, as of `agfb report`, which is
+    done for cases with a bifurcation set.
     Missing results are empty; the last column tells which stages failed.
     """
     console = Console(quiet, verbose, json, traceback)

@@ -36,7 +36,7 @@ YES = OwnOption(
 
 def _admit(named_cases: Sequence[NamedCase], request: Request, console: Console) -> None:
     """Raise UsageError for a run that cannot start, or that takes long unless the user says `--yes`."""
-    with console.announce_if_slow("compiling kernels (first run only)", SECONDS_BEFORE_ANNOUNCEMENT):
+    with console.announce_if_slow("loading kernels (a first run compiles)", SECONDS_BEFORE_ANNOUNCEMENT):
         from pipelines.stages.transients.transient import CannotRunError, outlook
 
     steps, seconds = 0, 0.0

@@ -18,6 +18,10 @@ from agfb_cli.options import AsJson, Assignments, CasePattern, Quiet, Traceback
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase, Problem
 
+HEADER = (
+    *("file", "case", "speed 1 is", "frequency 1 is"),
+    *("operating speed", "excitation frequency", "displacement"),
+)
 Configs = Annotated[
     list[Path], typer.Argument(metavar="CONFIG", help="TOML files to check.", autocompletion=configurations)
 ]
@@ -34,8 +38,9 @@ def validate(
     """Check configurations and list their cases.
 
     Nothing is computed or written. Reports every problem of every file, with file, line and key, and what
-    `agfb run` would refuse if a table is left out. With --json prints the resolved configuration of every
-    case, defaults included, or the error of a file with problems.
+    `agfb run` would refuse if a table is left out. Tells for every case what the dimensionless speed and
+    frequency 1 are, and the operating point in both units. With --json prints the resolved configuration of
+    every case, defaults included, or the error of a file with problems.
     """
     console = Console(quiet=quiet, json=json, traceback=traceback)
     with explained(console):
@@ -59,13 +64,45 @@ def validate(
                 [
                     {"file": str(path), "case": named.case_id, "configuration": named.resolved}
                     | {"refused": [str(problem) for problem in refused(named)]}
+                    | {"si_per_unit": named.case.scales.si_per_unit}
                     for path, named in found
                 ]
                 + failed
             )
         elif found:
-            console.data(table(("file", "case"), [(path, named.case_id) for path, named in found]))
+            console.data(table(HEADER, [(path, named.case_id, *in_units(named)) for path, named in found]))
+            for sentence in dict.fromkeys(each for _, named in found for each in outside(named)):
+                console.message(f"caution: {sentence}")
         raise typer.Exit(worst)
+
+
+def in_units(named: NamedCase) -> tuple[str | None, ...]:
+    """The units of speed and frequency, and speed, excitation frequency and ring displacement in both."""
+    from pipelines.case.fields import MEASURES
+    from pipelines.case.scales import PARAMETERS
+    from pipelines.case.units import in_both, in_si
+
+    scale = named.case.scales.si_per_unit
+    point = zip(PARAMETERS[:3], named.case.parameters[:3], strict=True)
+    return (
+        in_si("speed", 1.0, scale),
+        in_si("frequency", 1.0, scale),
+        *(None if value != value else in_both(MEASURES[name], value, scale) for name, value in point),
+    )
+
+
+def outside(named: NamedCase) -> Iterable[str]:
+    """The ranges of speed that do not contain the operating speed, of stages that compute without it."""
+    from pipelines.case.scales import PARAMETERS
+    from pipelines.case.stage_checks import ranges_of_speed
+    from pipelines.case.units import in_both
+
+    scale = named.case.scales.si_per_unit
+    speed = named.case.parameters[PARAMETERS.index("speed")]
+    for key, (low, high) in ranges_of_speed(named.case):
+        if not low <= speed <= high:
+            ends = f"[{in_both('speed', low, scale)}, {in_both('speed', high, scale)}]"
+            yield f"{key} {ends} does not contain the operating speed {in_both('speed', speed, scale)}"
 
 
 def refused(named: NamedCase) -> list[Problem]:

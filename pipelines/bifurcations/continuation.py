@@ -333,7 +333,7 @@ class ResumableState:
 
         Arrays are copied into C order, on which the bits of a product depend.
         """
-        kinds = {"index": int, "steps": int, "leading": int}
+        kinds = {"index": int, "steps": int, "leading": int, "unstable": int}
         values: dict[str, Any] = {
             name: np.array(value, order="C") if np.ndim(value) else kinds.get(name, float)(value)
             for name, value in arrays.items()

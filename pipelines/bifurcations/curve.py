@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
 
 import numpy as np
@@ -40,6 +40,10 @@ class CurveStop(Enum):
         return self.value
 
 
+_FIRST_STEP = 0.1  # of the width of a tongue
+_SHORTEST_STEP = 1e-3  # likewise: the ends of a tongue are far sharper than it is wide
+
+
 class SpecialKind(IntEnum):
     """Points of codimension two on a curve."""
 
@@ -54,6 +58,18 @@ class SpecialKind(IntEnum):
     GENERALISED_FLIP = 9
     CHENCINER = 10
     CUSP = 11
+
+
+class TongueSide(IntEnum):
+    """What a point R1 or R2 on a Neimark-Sacker curve is to the tongue of real multipliers behind it.
+
+    The curve ends at the near side and goes on from the far side; across an unresolved tongue, which the
+    error of the multipliers hides, it goes on by itself.
+    """
+
+    NEAR = 0
+    FAR = 1
+    UNRESOLVED = 2
 
 
 @dataclass(frozen=True)
@@ -92,18 +108,34 @@ class CurveOptions:
             raise ValueError(f"event_tolerance is {self.event_tolerance}; it must be positive")
 
 
+def around_tongue(options: CurveOptions, width: float) -> CurveOptions:
+    """The options for the curve around a tongue of this width: its first and its shortest steps are shorter.
+
+    Unchanged for a width of NaN, and for a wide tongue.
+    """
+    if not width > 0.0:
+        return options
+    shortest = min(options.minimum_step, _SHORTEST_STEP * width)
+    step = max(shortest, min(options.step, _FIRST_STEP * width))
+    return replace(options, step=step, minimum_step=shortest)
+
+
 @dataclass(frozen=True)
 class CurveStart:
     """A guess for the first point of a curve.
 
     ``state`` (N,), the two parameters, the period when it is unknown and, for a Neimark-Sacker point,
-    the ``angle`` of its multipliers (default: of the pair nearest to the circle).
+    the ``angle`` of its multipliers (default: of the pair nearest to the circle).  ``width`` of the tongue at
+    a strong resonance, in the scaled parameters: see ``around_tongue``.  ``unstable``: number of the other
+    multipliers outside the unit circle, if it is known.
     """
 
     state: Vector
     parameters: tuple[float, float]
     period: float = 0.0
     angle: float | None = None
+    width: float = math.nan
+    unstable: int | None = None
 
 
 @dataclass(frozen=True)
@@ -117,7 +149,8 @@ class CurveState(ResumableState):
     ``cos_theta``: the bordering of the test function; ``cos_theta_slope``: its derivative by arclength;
     ``tests`` (11,): values of the special test functions in the order of ``SpecialKind``; ``previous_*`` is
     the point before, NaN at the first one; ``step`` is the next arclength step; ``steps`` are per period and
-    leave ``step_error`` in the multipliers; ``start_*``: the first point.
+    leave ``step_error`` in the multipliers; ``start_*``: the first point; ``clipping_width``: half width of
+    the regularised map on whose curve the point lies, zero for the exact one.
     """
 
     index: int
@@ -153,6 +186,7 @@ class CurveState(ResumableState):
     start_state: Vector
     start_period: float
     start_parameters: Vector
+    clipping_width: float = 0.0
 
     @property
     def position(self) -> Position:
@@ -193,7 +227,9 @@ class CurvePoint:
     or not defined; ``newton_iterations``: before the time steps were refined; ``step_error``: estimated error
     of the multipliers by the time steps, NaN where it is unknown; ``residual_norms`` and ``test_values``:
     history of the corrector; ``unlocated``: special points that were detected in the step to this point but
-    could not be located.
+    could not be located; ``clipping_width``: as in CurveState; ``width_effect``: distance of the
+    point from the curve of the exact map, in the plane of the parameters divided by their scales, zero where
+    that map was used and NaN where it is unknown.
     """
 
     kind: EventKind
@@ -208,6 +244,8 @@ class CurvePoint:
     newton_iterations: int = 0
     step_error: float = math.nan
     unlocated: tuple[SpecialKind, ...] = ()
+    clipping_width: float = 0.0
+    width_effect: float = 0.0
 
     @property
     def angle(self) -> float:
@@ -235,7 +273,8 @@ class SpecialPoint:
 
     ``parameters`` (p,): all of them; ``state`` (N,), ``period``, ``multipliers`` (k,) by falling modulus,
     ``cos_theta`` of the critical angle, ``residual``: value of the test function; ``fraction``: position in
-    the step of the curve.
+    the step of the curve; of R1 and R2 on a Neimark-Sacker curve: the side of the ``tongue`` there and its
+    ``width`` in the scaled parameters, at most so much if it is unresolved (NaN: wider than a few steps).
     """
 
     kind: SpecialKind
@@ -247,6 +286,8 @@ class SpecialPoint:
     residual: float
     fraction: float
     steps: int
+    tongue: TongueSide | None = None
+    width: float = math.nan
 
 
 CurveResult = Result[CurveState]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -42,20 +42,28 @@ from pipelines.bifurcations.curve import (
     SpecialKind,
     SpecialPoint,
 )
-from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end, without_rounding
-from pipelines.bifurcations.curves.double_passages import dip_beyond, dip_through
+from pipelines.bifurcations.curves.codimension_two import (
+    crossed,
+    other_multipliers,
+    resonant_end,
+    without_rounding,
+)
+from pipelines.bifurcations.curves.double_passages import dip_through
 from pipelines.bifurcations.curves.first_point import columns_of, curve_metric, required_steps_of, start_curve
+from pipelines.bifurcations.curves.kinks import attempt_past_kinks
 from pipelines.bifurcations.curves.segment import (
     Bracket,
     CurveEnd,
     CurveSegment,
+    CurveStep,
     SegmentPoints,
     curve_end,
     locate_special,
     with_normal_form,
 )
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
-from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.curves.tongues import both_sides, dips, ends_inside
+from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
 from pipelines.orbits.period_map import PhaseReference
@@ -69,6 +77,8 @@ _REPEATED = 3.0
 _MISSED = 0.25  # share of the defect of a step by which the cubic may miss the curve, also beside a kink
 _STUCK = 0.25  # of a step in which the test function does not get smaller
 _RECENT = 10  # points that a curve may be near to because it has just left them
+_BEFORE = 0.45  # of the distance to an unresolved tongue: no step of 1 to 2 times that ends in it afterwards
+_IN_A_TONGUE = "the step ends inside a tongue that the error of the multipliers hides"
 _STARTED = 5e-3  # share of its change in a step within which a test at the first point is zero there
 
 
@@ -105,20 +115,7 @@ def continue_curve(
     return follow(tracer, start, remembered, limit, should_stop)
 
 
-@dataclass(frozen=True)
-class _Step:
-    """An accepted step: its end, its length and the special points on it."""
-
-    end: CurveEnd
-    length: float
-    found: tuple[SpecialPoint, ...]
-
-    @property
-    def point(self) -> CurvePoint:
-        return self.end.point
-
-
-class _Curve(Tracer[CurveState, _Step]):
+class _Curve(Tracer[CurveState, CurveStep]):
     """A bifurcation curve as the driver sees it; it keeps its points to detect when it meets itself."""
 
     stops = CurveStop
@@ -156,24 +153,29 @@ class _Curve(Tracer[CurveState, _Step]):
             return CurveStop.RANGE
         return CurveStop.MAXIMUM_POINTS if state.index + 1 >= self.options.max_points else None
 
-    def attempt(self, state: CurveState) -> _Step | Rejected:
-        """One step: predict, correct, test, locate."""
-        try:
-            return self._attempt(state)
-        except np.linalg.LinAlgError:
-            return Rejected("a matrix of the step is singular")
+    def attempt(self, state: CurveState) -> CurveStep | Rejected:
+        """One step: predict, correct, test, locate; past a kink of the equations on regularised maps."""
+        return attempt_past_kinks(self.problem, state, self.options, self._attempt, self.advance)
 
-    def ends_before(self, state: CurveState, step: _Step) -> tuple[CurveStop, str] | None:
+    def ends_before(self, state: CurveState, step: CurveStep) -> tuple[CurveStop, str] | None:
         """Whether the curve runs along a known one, or along itself."""
-        name = _along(state, step.end, self._traced, self.options)
+        others = other_multipliers(
+            self.problem.kind,
+            step.point.cycle.spectrum.multipliers,
+            step.point.cos_theta,
+            self.problem.period_map.autonomous,
+        )
+        unstable = unstable_count(others, False)
+        name = _along(state, step.end, unstable, self._traced, self.options)
         metric = curve_metric(self.problem, self.options, state.start)
         if name is None and self._own is not None and not returned(state, step.end.position, metric):
             itself = {"itself": self._own.without_last(_RECENT)}
-            name = _along(state, step.end, itself, self.options, same_sense=True)
+            name = _along(state, step.end, unstable, itself, self.options, same_sense=True)
         return None if name is None else (CurveStop.TRACED, f"it runs along {name}")
 
-    def advance(self, state: CurveState, step: _Step) -> CurveState:
+    def advance(self, state: CurveState, step: CurveStep) -> CurveState:
         """The state after an accepted step; the step length follows the count of the corrector."""
+        state = step.begin
         bend = step.end.tangent.minus(state.tangent).scaled(1.0 / step.length)
         return replace(
             state,
@@ -185,11 +187,18 @@ class _Curve(Tracer[CurveState, _Step]):
             arclength=state.arclength + step.length,
             previous_tests=state.tests,
             previous_arclength=state.arclength,
+            clipping_width=step.point.clipping_width,
             **columns_of(self.problem, step.end),
         )
 
-    def _attempt(self, state: CurveState) -> _Step | Rejected:
-        problem, options = self.problem, self.options
+    def _attempt(self, problem: CurveProblem, state: CurveState) -> CurveStep | Rejected:
+        try:
+            return self._step(problem, state)
+        except np.linalg.LinAlgError:
+            return Rejected("a matrix of the step is singular")
+
+    def _step(self, problem: CurveProblem, state: CurveState) -> CurveStep | Rejected:
+        options = self.options
         metric = curve_metric(problem, options, state.start)
         cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
         steps = next_steps(cycles, state.steps, state.step_error)
@@ -216,18 +225,21 @@ class _Curve(Tracer[CurveState, _Step]):
 def _along(
     state: CurveState,
     end: CurveEnd,
+    unstable: int,
     traced: Mapping[str, KnownCurve],
     options: CurveOptions,
     same_sense: bool = False,
 ) -> str | None:
     """The name of the traced curve on which an accepted point and the point before it lie.
 
+    ``unstable``: number of its other multipliers outside the unit circle.
+
     A single point may lie where two curves cross at a small angle.  A curve meets itself in the
     ``same_sense``; the other side of a narrow loop is no part of it.
     """
     begin = _place(state.position, math.acos(min(1.0, max(-1.0, state.cos_theta))))
     places = (
-        (_place(end.position, end.point.angle), end.tangent.parameters),
+        (_place(end.position, end.point.angle, unstable), end.tangent.parameters),
         (begin, state.tangent_parameters),
     )
     for name, curve in traced.items():
@@ -255,13 +267,16 @@ def would_end_on(recorded: KnownCurve, traced: Iterable[KnownCurve], scales: tup
         (CurveStart(state, (float(first), float(second)), angle=float(angle)), tangent)
         for state, (first, second), angle, tangent in parts
     ]
-    steps = [(end, begin) for begin, end in pairwise(places)]
+    steps = [
+        ((replace(end, unstable=None if math.isnan(count) else int(count)), tangent), begin)
+        for (begin, (end, tangent)), count in zip(pairwise(places), recorded.unstable[1:], strict=True)
+    ]
     return any(_runs_along(step, curve, scales) for curve in traced for step in steps)
 
 
-def _place(position: Position, angle: float) -> CurveStart:
+def _place(position: Position, angle: float, unstable: int | None = None) -> CurveStart:
     first, second = position.parameters
-    return CurveStart(position.state, (float(first), float(second)), angle=angle)
+    return CurveStart(position.state, (float(first), float(second)), angle=angle, unstable=unstable)
 
 
 def _predict_and_correct(
@@ -349,13 +364,16 @@ def _segment(
 
 def _with_specials(
     segment: CurveSegment, state: CurveState, options: CurveOptions, accept_anyway: bool
-) -> _Step | Rejected:
+) -> CurveStep | Rejected:
     """Detect and locate the special points of a segment, which is cut where a Neimark-Sacker curve ends."""
-    specials: list[SpecialPoint] = []
-    unlocated: list[SpecialKind] = []
-    end, limit = segment.end, 1.0
     points = SegmentPoints(segment)
-    for bracket in _brackets(points, state, options):
+    tongues, specials = dips(points, (state.cos_theta, state.cos_theta_slope))
+    for tongue in specials:
+        if ends_inside(points, tongue) and not accept_anyway:
+            return Rejected(_IN_A_TONGUE, factor=_BEFORE * tongue.fraction)
+    unlocated: list[SpecialKind] = []
+    ends: list[tuple[Bracket, SpecialPoint, CurveEnd]] = []
+    for bracket in _brackets(points, state, options) + tongues:
         special = bracket.special
         located = locate_special(points, bracket, options.event_tolerance, options.normal_form)
         if located is None:
@@ -364,13 +382,21 @@ def _with_specials(
             unlocated.append(special)
             continue
         point, there = located
-        if point is not None:
+        if point is not None and resonant_end(segment.problem.kind, there.point.cos_theta) is special:
+            ends.append((bracket, point, there))
+        elif point is not None:
             specials.append(point)
-        if resonant_end(segment.problem.kind, there.point.cos_theta) is special and point is not None:
-            end, limit = there, point.fraction
-    kept = tuple(sorted((p for p in specials if p.fraction <= limit), key=lambda point: point.fraction))
+    end = segment.end
+    if ends:
+        bracket, point, end = min(ends, key=lambda each: each[1].fraction)
+        sides = both_sides(points, bracket, point, options.event_tolerance)
+        if sides is None and not accept_anyway:
+            return Rejected(_IN_A_TONGUE, factor=_BEFORE * point.fraction)
+        specials = [each for each in specials if each.fraction <= point.fraction]
+        specials += (point,) if sides is None else sides
+    kept = tuple(sorted(specials, key=lambda point: point.fraction))
     end = replace(end, point=replace(end.point, unlocated=tuple(unlocated)))
-    return _Step(end, segment.metric.norm(end.position.minus(segment.start)), kept)
+    return CurveStep(state, end, segment.metric.norm(end.position.minus(segment.start)), kept)
 
 
 def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -> list[Bracket]:
@@ -398,14 +424,7 @@ def _brackets(points: SegmentPoints, state: CurveState, options: CurveOptions) -
         for special in crossed(before, after)
         if special not in seen
     ]
-    if segment.problem.kind is not EventKind.NEIMARK_SACKER:
-        return twice + once
-    # cos_theta may leave [-1, 1] and return within one step: R1 or R2 twice, of which the first counts
-    dips = (
-        dip_beyond(points, special, (state.cos_theta, state.cos_theta_slope))
-        for special in (SpecialKind.R1, SpecialKind.R2)
-    )
-    return twice + once + [dip for dip in dips if dip is not None]
+    return twice + once
 
 
 def _resonance_slopes(

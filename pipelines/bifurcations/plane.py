@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -41,13 +42,33 @@ PlaneMetric = Metric[Position]
 
 
 @dataclass(frozen=True)
+class Kinks:
+    """How the kinks of a map that is only piecewise smooth are passed.
+
+    ``regularised(width)``: the map with its pieces joined over a half width; ``widths``: those that a curve
+    tries, increasing; ``distance(orbit, parameters)``: how far an orbit (samples, N) is from grazing, that is
+    from touching the border between two pieces without crossing it, in the unit of the widths.
+    Raises ValueError for widths that are not positive and increasing.
+    """
+
+    regularised: Callable[[float], PeriodMap]
+    widths: tuple[float, ...]
+    distance: Callable[[Matrix, Vector], float]
+
+    def __post_init__(self) -> None:
+        if list(self.widths) != sorted(set(self.widths)) or any(not width > 0.0 for width in self.widths):
+            raise ValueError(f"widths are {self.widths}; they must be positive and increasing")
+
+
+@dataclass(frozen=True)
 class CurveProblem:
     """Period doublings, Neimark-Sacker points or folds of one period map in the plane of two parameters.
 
     ``parameters`` (p,) holds the fixed ones, ``names`` the two free ones; ``kind``: what is followed;
     ``options``: of the corrector, whose ``multiplier_tolerance`` is also asked of the test function;
     ``smooth_maps``: regularised maps for the normal forms of a map that is only piecewise smooth, the
-    sharpest first; the others tell how much its coefficient depends on the regularisation.
+    sharpest first; the others tell how much its coefficient depends on the regularisation; ``kinks``: how a
+    curve passes the kinks of such a map, None where it must not.
     Raises ValueError for unknown or equal names, a wrong number of parameters, a branch point as kind, a
     smooth map with other unknowns, or the extended system for folds of unknown period, where only the
     bordered one knows the phase condition.
@@ -60,6 +81,7 @@ class CurveProblem:
     options: ShootingOptions = field(default_factory=ShootingOptions)
     formulation: CurveFormulation = CurveFormulation.BORDERED
     smooth_maps: tuple[PeriodMap, ...] = ()
+    kinks: Kinks | None = None
 
     def __post_init__(self) -> None:
         known = self.period_map.system.parameter_names
@@ -83,6 +105,14 @@ class CurveProblem:
     def indices(self) -> tuple[int, int]:
         system = self.period_map.system
         return system.parameter_index(self.names[0]), system.parameter_index(self.names[1])
+
+    def with_width(self, width: float) -> CurveProblem:
+        """The same curves of the map regularised over a half width; of the exact map for zero."""
+        if width == 0.0:
+            return self
+        if self.kinks is None:
+            raise ValueError("the problem has no regularised maps")
+        return replace(self, period_map=self.kinks.regularised(width))
 
     def parameters_at(self, position: Position) -> Vector:
         """The parameter vector with the two free ones set."""
@@ -182,6 +212,7 @@ def map_slopes(
     directions: tuple[Position, ...],
     scale: float,
     metric: PlaneMetric,
+    sharp: bool = False,
 ) -> tuple[Matrix, Matrix]:
     """Derivatives of M ``columns`` (N, m) along each direction, (N, m directions), and of the phase row.
 
@@ -189,9 +220,9 @@ def map_slopes(
     on the orbit.  ``weights`` (m,) adds weights_j phi_T to column j: the null vectors of a cycle of unknown
     period.  One pass per direction: (M(u + h d) - M(u)) columns / h, without a column for the rest.  Where
     the period is unknown two, (M(u + h d) - M(u - h d)) columns / 2h: the phase along the cycle amplifies
-    rounding.
+    rounding.  Two likewise where a ``sharp`` derivative is asked for, which has 20 times less rounding.
     """
-    central = at.problem.period_map.autonomous
+    central = sharp or at.problem.period_map.autonomous
     if not central:  # a pass that would make factors here holds those of two orbits
         known = image.factors is not None
         image = at.with_columns(image, columns) if known else at.tangent(columns, weights is not None)

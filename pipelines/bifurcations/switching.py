@@ -83,7 +83,7 @@ def curve_of_second(
     """The curve of the second bifurcation at a special point of a curve of ``problem``."""
     first, last = (float(special.parameters[index]) for index in problem.indices)
     joined = replace(problem, kind=second.kind, formulation=CurveFormulation.BORDERED)
-    return joined, CurveStart(special.state, (first, last), special.period, second.angle)
+    return joined, CurveStart(special.state, (first, last), special.period, second.angle, special.width)
 
 
 @dataclass(frozen=True)

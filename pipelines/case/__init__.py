@@ -8,6 +8,7 @@
 - models: the case: all tables, and the checks of one against another
 - stage_checks, plausible: what a stage requires of its tables; numbers in the wrong unit
 - scales, ring_statics: dimensionless variables and parameters; deformation of the active ring
+- measuring, units: what a key measures; numbers in rpm, Hz, s and um, and back
 - sweeps, sampling, reading, locating, rewriting: from TOML text to cases, with line numbers, and back
 - imports: rotors of other programs and drawings as configurations
 - identity, reference: the hash of a case; the reference of all keys

@@ -14,6 +14,7 @@ from pipelines.case.fields import (
     InconsistentError,
     Number,
     Table,
+    UnitsTable,
     choice,
     given,
     quantity,
@@ -75,18 +76,19 @@ class Bump(Table):
         return value
 
 
-class Foil(Table):
+class Foil(UnitsTable):
     """The compliant foil: an elastic foundation with damping (Eq. 5-8)."""
 
     stiffness: float | None = quantity(
-        "dimensionless foil stiffness k_f = k c/p0",
-        "1",
-        None,
+        "foil stiffness; dimensionless k_f = k c/p0",
+        default=None,
         above=0,
         because="a foil without stiffness does not hold the film; use rigid = true for a plain bearing",
+        measures="foil_stiffness",
+        si_key="areal_stiffness",
     )
     areal_stiffness: float | None = quantity(
-        "foil stiffness per area, k",
+        "foil stiffness per area, k, whatever the units",
         "N/m3",
         None,
         at_least=1e-3,
@@ -208,16 +210,17 @@ class Ring(Table):
         return value
 
 
-class Excitation(Table):
+class Excitation(UnitsTable):
     """The harmonic deformation of the rings; the same frequency in both bearings."""
 
     displacement: float | None = quantity(
-        "largest vertical displacement delta of the ring / clearance; 0 is the passive bearing",
-        "1",
-        None,
+        "largest vertical displacement delta of the ring; dimensionless: / clearance of its bearing, in SI "
+        "units that of the first bearing's ring; 0 is the passive bearing",
+        default=None,
         at_least=0,
         below=1,
         because="a displacement of a whole clearance closes the film",
+        measures="displacement",
     )
     load: float | None = quantity(
         "peak load F0 on the ring instead of displacement; needs [excitation.ring]",
@@ -227,14 +230,19 @@ class Excitation(Table):
         because="the load presses the ring together",
     )
     frequency: float | None = quantity(
-        "dimensionless excitation frequency Omega_ex; may be left out without excitation (displacement 0)",
-        "1",
-        None,
+        "excitation frequency Omega_ex; may be left out without excitation (displacement 0)",
+        default=None,
         above=0,
         because="the period is 2 pi/Omega_ex",
+        measures="frequency",
+        si_key="frequency_hz",
     )
     frequency_hz: float | None = quantity(
-        "excitation frequency instead of frequency", "Hz", None, above=0, because="the period is 1/frequency"
+        "excitation frequency in Hz, whatever the units",
+        "Hz",
+        None,
+        above=0,
+        because="the period is 1/frequency",
     )
     ratio: float | None = quantity(
         "ratio rho = |d_h/d_v| of the ring's displacements; default: from ring, or that of a thin ring",

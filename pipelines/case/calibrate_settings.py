@@ -14,7 +14,7 @@ from pipelines.case.fields import (
     InconsistentError,
     Number,
     Path,
-    Table,
+    UnitsTable,
     choice,
     given,
     positive_range,
@@ -24,23 +24,35 @@ from pipelines.case.fields import (
 )
 from pipelines.case.fields import quantity as scalar  # a target has a key `quantity`
 from pipelines.case.problems import CaseError
-from pipelines.case.sweeps import Document, MisplacedError, assign
+from pipelines.case.sweeps import Document, MisplacedError, assign, flat
 
 Interval = tuple[Number, Number]
+Quantity = Literal[
+    "onset_speed", "critical_speed", "onset_slope", "doubling_growth", "corner_frequency", "corner_speed"
+]
+CORNERS = frozenset({"corner_frequency", "corner_speed"})
+NO_SPEEDS = {
+    "onset_slope": "a slope, d(speed)/d(frequency),",
+    "doubling_growth": "a growth rate",
+    "corner_frequency": "an excitation frequency",
+}
 Rebuild = Callable[[Mapping[str, Any]], object]
 """Validates a case with other values at some dotted keys; raises CaseError or MisplacedError."""
 
 
-class CalibrationParameter(Table):
+class CalibrationParameter(UnitsTable):
     """One unknown of the calibration: a value that one or more keys take."""
 
     keys: tuple[str, ...] = table(
         "configuration keys that take the same value, as in --set; without an index all tables of an array",
+        holds_keys=True,
         min_length=1,
         max_length=50,
         because="a parameter is the value of at least one key",
     )
-    range: Interval = table("lowest and highest value, in the unit of the keys", unit="of the keys")
+    range: Interval = table(
+        "lowest and highest value, in the unit of the keys", unit="of the keys", measured_by="keys"
+    )
     scale: Literal["linear", "log"] = choice("`log`: factors count, not differences", "linear")
 
     @field_validator("scale")
@@ -59,26 +71,32 @@ def _positive(value: tuple[float, float]) -> tuple[float, float]:
     return positive_range(value, 'with scale = "log"')
 
 
-class CalibrationTarget(Table):
+class CalibrationTarget(UnitsTable):
     """One value that the machine must reach."""
 
-    quantity: Literal["onset_speed", "critical_speed", "onset_slope"] = choice(
+    quantity: Quantity = choice(
         "`onset_speed`: lowest speed at which the cycle (at displacement 0 the equilibrium) loses stability; "
         "`critical_speed`: critical speed number `number`; `onset_slope`: d(onset speed)/d(excitation "
-        "frequency), 0 at the frequency of the highest onset speed",
+        "frequency), 0 at the frequency of the highest onset speed; `doubling_growth`: largest growth rate "
+        "of period doubling (1/t0) at `speeds`, 0 at a period doubling, negative and continuous where there "
+        "is none; `corner_frequency`, `corner_speed`: excitation frequency and speed of the 1:2 resonance in "
+        "which Neimark-Sacker points end on a tongue of period doublings, within `frequency_range`",
         "onset_speed",
     )
-    value: float | None = scalar("the target value, dimensionless", "1", None)
-    value_rpm: float | None = scalar(
-        "the target value as a rotating speed", "rpm", None, above=0, because="a speed is positive"
+    value: float | None = scalar(
+        "the target value; a slope has no unit", "1 or rpm", None, measured_by="quantity", si_key="value_rpm"
     )
+    value_rpm: float | None = scalar(
+        "the target value as a speed in rpm, whatever the units", "rpm", None, above=0,
+        because="a speed is positive",
+    )  # fmt: skip
     weight: float | None = scalar(
-        "factor on the deviation; 1 without uncertainty", "1", None, above=0,
-        because="a target without weight has no effect",
+        "factor on the deviation, in rpm where the value is, else dimensionless; 1 without uncertainty",
+        "1", None, above=0, because="a target without weight has no effect",
     )  # fmt: skip
     uncertainty: float | None = scalar(
         "uncertainty of the target value, in its unit", "of the value", None, above=0,
-        because="deviations are divided by it",
+        because="deviations are divided by it", in_unit_of="value",
     )  # fmt: skip
     bifurcation: Literal["any", "neimark_sacker", "period_doubling"] = choice(
         "which loss of stability an onset is; at displacement 0 it is the Hopf point", "any"
@@ -87,16 +105,31 @@ class CalibrationTarget(Table):
         "which critical speed, counted from 1 by rising speed", "", 1, at_least=1, at_most=100,
         because="they are counted from 1",
     )  # fmt: skip
+    limit: Literal["exact", "upper", "lower"] = choice(
+        "`upper`: only values above the target value count as deviations, `lower`: only values below it",
+        "exact",
+    )
     whirl: Literal["any", "forward", "backward"] = choice("which critical speeds are counted", "any")
     difference: float = scalar(
-        "half the distance of the two excitation frequencies of an `onset_slope`", "1", 0.02, above=0,
-        at_most=1, because="the slope is their central difference",
+        "half the distance of the two excitation frequencies of an `onset_slope`", default=0.02, above=0,
+        at_most=1, because="the slope is their central difference", measures="frequency",
     )  # fmt: skip
     speed_range: Interval | None = table(
-        "speeds between which the onset is searched; calibrate.speed_range if not given", None, unit="1"
+        "speeds between which the onset is searched; calibrate.speed_range if not given",
+        None,
+        measures="speed",
+    )
+    speeds: tuple[Number, ...] | None = table(
+        "speeds of a `doubling_growth`, whose largest growth rate counts", None, measures="speed",
+        min_length=1, max_length=100, because="the growth is that at some speed",
+    )  # fmt: skip
+    frequency_range: Interval | None = table(
+        "excitation frequencies between which a corner is searched", None, measures="frequency"
     )
     set: dict[str, Any] = table(
-        'configuration keys of this target alone, such as { "excitation.frequency" = 0.2 }', {}
+        'configuration keys of this target alone, such as { "excitation.frequency" = 0.2 }',
+        {},
+        holds_keys=True,
     )
 
     @field_validator("uncertainty")
@@ -110,8 +143,9 @@ class CalibrationTarget(Table):
     @classmethod
     def _one_value(cls, value: float | None, info: ValidationInfo) -> float | None:
         require_one(info, value, WANTED_VALUE, "the wanted value")
-        if value is not None and info.data.get("quantity") == "onset_slope":
-            raise InconsistentError("a slope is no speed: give value, d(speed)/d(frequency), dimensionless")
+        meant = NO_SPEEDS.get(info.data.get("quantity", ""))
+        if value is not None and meant is not None:
+            raise InconsistentError(f"{meant} is no speed: give value, dimensionless")
         return value
 
     @field_validator("speed_range")
@@ -119,10 +153,28 @@ class CalibrationTarget(Table):
     def _speeds(cls, value: Interval | None) -> Interval | None:
         return None if value is None else positive_range(value, "speeds are positive")
 
+    @field_validator("speeds")
+    @classmethod
+    def _growth_speeds(
+        cls, value: tuple[float, ...] | None, info: ValidationInfo
+    ) -> tuple[float, ...] | None:
+        if value is None and info.data.get("quantity") == "doubling_growth":
+            raise InconsistentError("is missing: speeds at which period doublings must grow or not")
+        if value is not None and min(value) <= 0.0:
+            raise InconsistentError("speeds are positive")
+        return value
+
+    @field_validator("frequency_range")
+    @classmethod
+    def _frequencies(cls, value: Interval | None, info: ValidationInfo) -> Interval | None:
+        if value is None and info.data.get("quantity") in CORNERS:
+            raise InconsistentError("is missing: excitation frequencies between which the corner is searched")
+        return None if value is None else positive_range(value, "frequencies are positive")
+
     @field_validator("set", mode="before")
     @classmethod
     def _dotted(cls, value: Any) -> Any:
-        return dict(_flat(value)) if isinstance(value, dict) else value
+        return dict(flat(value)) if isinstance(value, dict) else value
 
     @property
     def wanted(self) -> float:
@@ -136,16 +188,17 @@ class CalibrationTarget(Table):
         """The deviation that counts as one, in the unit of the value."""
         return self.uncertainty if self.uncertainty is not None else 1.0 / (self.weight or 1.0)
 
+    def deviation(self, reached: float) -> float:
+        """How far a reached value is off, in `scatter`; zero on the allowed side of a limit."""
+        difference = reached - self.wanted
+        if self.limit == "upper":
+            difference = max(difference, 0.0)
+        elif self.limit == "lower":
+            difference = min(difference, 0.0)
+        return difference / self.scatter
 
-def _flat(node: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in node.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
 
-
-class Calibrate(Table):
+class Calibrate(UnitsTable):
     """Least squares of some keys to target values (`agfb calibrate`)."""
 
     parameters: tuple[CalibrationParameter, ...] = table(
@@ -178,9 +231,7 @@ class Calibrate(Table):
         at_most=0.2,
         because="it must exceed the noise of the targets and stay local",
     )
-    speed_range: Interval = table(
-        "dimensionless speeds between which onsets are searched", (0.3, 1.6), unit="1"
-    )
+    speed_range: Interval = table("speeds between which onsets are searched", (0.3, 1.6), measures="speed")
 
     @field_validator("speed_range")
     @classmethod

@@ -10,7 +10,7 @@ from pipelines.case.fields import (
     InconsistentError,
     Number,
     Parameter,
-    Table,
+    UnitsTable,
     arclength_step,
     choice,
     most_points,
@@ -23,22 +23,25 @@ Kind = Literal["period_doubling", "neimark_sacker", "fold"]
 Interval = tuple[Number, Number]
 
 
-class TrackCurves(Table):
+class TrackCurves(UnitsTable):
     """Curves of period doublings, Neimark-Sacker points and folds over two parameters."""
 
     parameters: tuple[Parameter, Parameter] = table(
-        "the two dimensionless parameters of the plane: horizontal, vertical",
-        ("excitation_frequency", "speed"),
+        "the two parameters of the plane: horizontal, vertical", ("excitation_frequency", "speed")
     )
     ranges: tuple[Interval, Interval] = table(
-        "values of the two parameters between which curves are followed", ((0.2, 2.0), (0.2, 1.4)), unit="1"
+        "values of the two parameters between which curves are followed",
+        ((0.2, 2.0), (0.2, 1.4)),
+        measured_by="parameters",
     )
     formulation: Literal["bordered", "extended"] = choice(
         "`bordered`: one test function closes the system; `extended`: eigenvectors as unknowns", "bordered"
     )
-    step: float = arclength_step("first arclength step", 0.02)
-    minimum_step: float = arclength_step("a curve ends when a step would be shorter", 1e-6)
-    maximum_step: float = arclength_step("longest arclength step", 0.05)
+    step: float = arclength_step("first arclength step", 0.02, measured_by="parameters")
+    minimum_step: float = arclength_step(
+        "a curve ends when a step would be shorter", 1e-6, measured_by="parameters"
+    )
+    maximum_step: float = arclength_step("longest arclength step", 0.05, measured_by="parameters")
     max_points: int = most_points("a curve ends after this many points, in each of its two directions", 400)
     max_curves: int = quantity(
         "maximum number of curves of each kind",
@@ -60,11 +63,26 @@ class TrackCurves(Table):
         max_length=5,
     )
 
-    @field_validator("normal_form_widths")
+    clipping_widths: tuple[Number, ...] = table(
+        "half widths, as parts of ambient pressure, over which `gumbel` clipping is smoothed to lead a curve "
+        "past its kinks, tried in this order; with none a curve ends there",
+        (0.005, 0.01, 0.02, 0.04),
+        unit="1",
+        max_length=10,
+    )
+
+    @field_validator("normal_form_widths", "clipping_widths")
     @classmethod
     def _positive_widths(cls, value: tuple[float, ...]) -> tuple[float, ...]:
         if any(not 0.0 < width <= 1.0 for width in value):
             raise InconsistentError("must lie in 0 < width <= 1, in parts of ambient pressure")
+        return value
+
+    @field_validator("clipping_widths")
+    @classmethod
+    def _increasing_widths(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        if list(value) != sorted(set(value)):
+            raise InconsistentError("must increase: a small width displaces a curve least and is tried first")
         return value
 
     @field_validator("parameters")
@@ -93,12 +111,13 @@ class TrackCurves(Table):
     _steps = field_validator("maximum_step")(steps_in_order)
 
 
-class BifurcationSet(Table):
+class BifurcationSet(UnitsTable):
     """The search of `agfb run` for all curves of the plane excitation frequency x speed of [track_curves]."""
 
     kinds: tuple[Kind, ...] = table(
         "kinds of curves that are followed; without `fold` the search is faster where films "
-        "touch ambient pressure, but losses of stability by folds are missing",
+        "touch ambient pressure, but most losses of stability by folds are missing; the curve at which a "
+        "boundary of stable cycles goes on from the end of a Neimark-Sacker curve is followed in any case",
         ("period_doubling", "neimark_sacker", "fold"),
         min_length=1,
         max_length=3,
@@ -141,6 +160,12 @@ class BifurcationSet(Table):
         "longest arclength step of these branches",
         0.05,
         because="a tongue narrower than a step can be missed; arclength is dimensionless",
+        measured_by="track_curves.parameters",
+    )
+    certify: bool = table(
+        "whether to compare the curves with a survey ([survey]) and 100 random points of the plane, and to "
+        "add branches through the places that disagree; the search is then complete when none is left",
+        False,
     )
     smallest_film: float = quantity(
         "branches along the speed begin at the lowest speed with at least this film thickness at equilibrium",

@@ -18,6 +18,7 @@ from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
     ValidationInfo,
+    field_validator,
     model_serializer,
 )
 from pydantic.fields import FieldInfo
@@ -53,6 +54,21 @@ Number = Annotated[float, Field(strict=True)]
 Parameter = Literal["speed", "excitation_frequency", "displacement", "foil_stiffness"]
 """What branches and curves are continued in."""
 
+SI = "si"
+SI_UNITS = {"speed": "rpm", "frequency": "Hz", "time": "s", "displacement": "um", "foil_stiffness": "N/m3"}
+"""What a key can measure, and its unit where `units = "si"` holds; elsewhere it is dimensionless."""
+MEASURES = {
+    "speed": "speed",
+    "excitation_frequency": "frequency",
+    "displacement": "displacement",
+    "foil_stiffness": "foil_stiffness",
+    "onset_speed": "speed",
+    "critical_speed": "speed",
+    "corner_frequency": "frequency",
+    "corner_speed": "speed",
+}
+"""What the numbers beside such a word measure: a continued parameter, a target of a calibration."""
+
 LONGEST_STEP = 10.0
 STEPS = "a branch is followed in steps; arclength is dimensionless, and states and parameters are of size one"
 """Why an arclength step is bounded: in rpm or Hz it would leap over every branch."""
@@ -84,6 +100,33 @@ class GrownTable(Table):
         }
 
 
+Units = Literal["dimensionless", "si"]
+
+
+def converted(value: Units | None) -> Units | None:
+    """Validator of `units`: `pipelines.case.units` has taken it away wherever numbers could be converted."""
+    if value == SI:
+        raise InconsistentError(
+            "needs gas.viscosity, gas.ambient_pressure, and radius and clearance of the first bearing: they "
+            "make rpm, Hz, s and um dimensionless"
+        )
+    return value
+
+
+class UnitsTable(GrownTable):
+    """A table with keys that may be given in SI units; a validated one holds dimensionless numbers."""
+
+    later_keys: ClassVar[frozenset[str]] = frozenset({"units"})
+
+    units: Units | None = Field(
+        default=None,
+        description="units of this table and those inside it: `dimensionless`, or `si` for the second unit "
+        "of keys with two; default: those of the table around it",
+    )
+
+    _units = field_validator("units")(converted)
+
+
 class InconsistentError(ValueError):
     """Keys that are well-formed one by one but contradict each other.
 
@@ -105,10 +148,19 @@ def quantity(
     below: float | None = None,
     at_most: float | None = None,
     because: str = "",
+    measures: str = "",
+    measured_by: str = "",
+    si_key: str = "",
+    in_unit_of: str = "",
     **constraints: Any,
 ) -> Any:
     """Declare one scalar key: meaning, SI unit ("1": dimensionless), default, bounds and their reason.
 
+    ``measures``: one of `SI_UNITS`; the key takes this unit too, and needs no ``unit`` of its own.
+    ``measured_by``: the key that says what this one measures, by words of `MEASURES`: of the same table, or
+    a dotted path from the top.
+    ``si_key``: the key of the same table that a number in SI units becomes, if both measure the same.
+    ``in_unit_of``: the key of the same table whose unit this one has.
     Scalars are strict: a number written as a string or a boolean is refused.
     """
     return Field(
@@ -119,14 +171,31 @@ def quantity(
         lt=below,
         le=at_most,
         description=description,
-        json_schema_extra={"unit": unit, "because": because},
+        json_schema_extra=_extra(unit, because, measures, measured_by, si_key)
+        | ({"in_unit_of": in_unit_of} if in_unit_of else {}),
         **constraints,
     )
 
 
-def arclength_step(description: str, default: float, because: str = STEPS) -> Any:
-    """Declare the first, shortest or longest step of a continuation."""
-    return quantity(description, "1", default, above=0, at_most=LONGEST_STEP, because=because)
+def _extra(unit: str, because: str, measures: str, measured_by: str, si_key: str = "") -> dict[str, Any]:
+    if measures:
+        unit = f"1 or {SI_UNITS[measures]}"
+    elif measured_by and not unit:
+        unit = f"1 or {', '.join(dict.fromkeys(SI_UNITS[measure] for measure in MEASURES.values()))}"
+    named = {"measures": measures, "measured_by": measured_by, "si_key": si_key}
+    return {"unit": unit, "because": because} | {name: value for name, value in named.items() if value}
+
+
+def arclength_step(
+    description: str, default: float, because: str = STEPS, *, measured_by: str = "parameter"
+) -> Any:
+    """Declare the first, shortest or longest step of a continuation.
+
+    ``measured_by``: the key with the parameter, or the first of two, that alone would move by this step.
+    """
+    return quantity(
+        description, default=default, above=0, at_most=LONGEST_STEP, because=because, measured_by=measured_by
+    )
 
 
 def most_points(description: str, default: int) -> Any:
@@ -142,10 +211,21 @@ def choice(description: str, default: str) -> Any:
 
 
 def table(
-    description: str, default: Any = ..., *, unit: str = "", because: str = "", **constraints: Any
+    description: str,
+    default: Any = ...,
+    *,
+    unit: str = "",
+    because: str = "",
+    measures: str = "",
+    measured_by: str = "",
+    holds_keys: bool = False,
+    **constraints: Any,
 ) -> Any:
-    """Declare a key that holds a table, an array or an array of tables; see `quantity`."""
-    extra: dict[str, Any] = {"unit": unit, "because": because}
+    """Declare a key that holds a table, an array or an array of tables; see `quantity`.
+
+    ``holds_keys``: it lists dotted keys, or values by dotted key, which in SI units mean keys in SI units.
+    """
+    extra = _extra(unit, because, measures, measured_by) | ({"holds_keys": "yes"} if holds_keys else {})
     return Field(default, description=description, json_schema_extra=extra, **constraints)
 
 

@@ -11,17 +11,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
-from pydantic import ValidationError, ValidationInfo, field_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from pipelines.case.bearings import Bearing, Bump, Excitation, Foil, Gas, Ring
 from pipelines.case.calibrate_settings import Calibrate, CalibrationParameter, CalibrationTarget
 from pipelines.case.curve_settings import BifurcationSet, TrackCurves
-from pipelines.case.fields import Inconsistency, InconsistentError, Table, quantity, table
+from pipelines.case.fields import Inconsistency, InconsistentError, Units, UnitsTable, quantity, table
 from pipelines.case.problems import CaseError, Places, problems_of
 from pipelines.case.refine_settings import Refine
 from pipelines.case.rotor import Disc, Element, Master, Material, Rotor, Support, off_shaft
 from pipelines.case.scales import Scales
 from pipelines.case.settings import (
+    Coefficients,
     ContinueCycles,
     Criticals,
     Linearize,
@@ -33,6 +34,7 @@ from pipelines.case.survey_settings import Survey
 from pipelines.case.sweeps import assign
 from pipelines.case.torus_settings import ContinueTori
 from pipelines.case.transient_settings import Transient, Unbalance, unbalance_on_shaft
+from pipelines.case.units import dimensionless
 
 __all__ = [
     "Bearing",
@@ -42,6 +44,7 @@ __all__ = [
     "CalibrationParameter",
     "CalibrationTarget",
     "Case",
+    "Coefficients",
     "ContinueCycles",
     "ContinueTori",
     "Criticals",
@@ -69,9 +72,14 @@ __all__ = [
 MAXIMUM_UNKNOWNS = 20_000
 
 
-class Case(Table):
+class Case(UnitsTable):
     """One case: everything that a computation needs."""
 
+    units: Units | None = Field(
+        default=None,
+        description='`si`: keys with two units, as in "1 or rpm", are in the second one, but for tables with '
+        "`units` of their own; `dimensionless`, the default: in the first one",
+    )
     name: str = quantity(
         "name of the case; letters, digits, `.`, `_`, `-`",
         "",
@@ -95,6 +103,7 @@ class Case(Table):
     operation: Operation = table("the operating point")
     numerics: Numerics = table("grid, schemes, tolerances", Numerics())
     linearize: Linearize = table("stage `agfb linearize`", Linearize())
+    coefficients: Coefficients = table("stage `agfb coefficients`", Coefficients())
     criticals: Criticals = table("stage `agfb criticals`", Criticals())
     unbalance_response: UnbalanceResponse = table("stage `agfb unbalance-response`", UnbalanceResponse())
     continue_cycles: ContinueCycles = table("stage `agfb continue-cycles`", ContinueCycles())
@@ -108,6 +117,11 @@ class Case(Table):
     transient: Transient = table("stage `agfb transient`", Transient())
     continue_tori: ContinueTori = table("stage `agfb continue-tori`", ContinueTori())
     calibrate: Calibrate | None = table("stage `agfb calibrate`", None)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _dimensionless(cls, document: Any) -> Any:
+        return dimensionless(cls, document).document if isinstance(document, dict) else document
 
     _unbalance = field_validator("unbalance")(unbalance_on_shaft)
 

@@ -9,95 +9,91 @@ velocity bounds the excitation frequency: the ring would have to swing faster th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
-from pipelines.case.fields import Inconsistency, Path
+from pipelines.case.fields import SI_UNITS, Inconsistency, Path
+from pipelines.case.measuring import measured
 from pipelines.case.models import Case
 from pipelines.case.scales import Scales
+from pipelines.case.units import Written
 
 FASTEST_SURFACE = 2000.0  # m/s
 STIFFEST_FOIL = 1e6  # a pressure of p0 moves it by a millionth of the clearance
+SOFTEST_FOIL = 1e-6  # a pressure of p0 moves it by a million clearances
 SLOWEST_SPEED = 10.0  # rpm
 SLOWEST_FILM = 1e-3  # dimensionless: a film of this bearing number carries nothing
-SPEED, FREQUENCY, STIFFNESS, RPM = "speed", "excitation_frequency", "foil_stiffness", "rpm"
+SLOWEST_RING = 2.5  # Hz
+SLOWEST_EXCITATION = 1e-2  # dimensionless: the machine follows such rings as if they were at rest
+SMALLEST_STROKE = 1e-4  # of the clearance
+HINT = '; for rpm, Hz, s, um and N/m3 write units = "si" in the table or at the top of the file'
 
 
-@dataclass(frozen=True)
-class _Value:
-    """Numbers at a path of a case, and what they measure: one of the words above, or another parameter."""
+def implausible_values(
+    case: Case, resolved: Mapping[str, Any], table: str, written: Mapping[Path, Written]
+) -> Iterator[Inconsistency]:
+    """The values in one of the case's tables that seem to have another unit than their key.
 
-    path: Path
-    measures: str
-    numbers: Sequence[float | None]
-
-
-def implausible_values(case: Case, table: str) -> Iterator[Inconsistency]:
-    """The values in one of the case's tables that seem to have another unit than their key."""
-    if getattr(case, table) is None:
-        return
+    ``resolved``: the case as plain data; ``written``: what the file has in SI units, by path in the case.
+    """
     scales = case.scales
     fastest = FASTEST_SURFACE / max(bearing.radius for bearing in case.bearings) * scales.time
-    for value in _values(case, table):
-        given = [number for number in value.numbers if number is not None]
+    for each in measured(type(case), resolved, table):
+        given = [number for number in each.numbers if number is not None]
+        converted = any(each.path[:length] in written for length in range(1, len(each.path) + 1))
         if not given:
             continue
-        largest = max(given)
-        if value.measures == SPEED and largest > fastest:
-            yield value.path, _too_fast(scales, given, fastest)
-        elif value.measures == FREQUENCY and largest > fastest:
-            yield value.path, _too_frequent(scales, given, fastest)
-        elif value.measures == STIFFNESS and largest > STIFFEST_FOIL:
-            yield value.path, _too_stiff(scales, given)
-        elif value.measures == RPM:
-            yield from ((value.path, message) for message in _rpm(scales, given, fastest))
+        if converted and not each.in_si:
+            given = [scales.si_per_unit[each.quantity] * number for number in given]
+        if table == "bearings" and not converted:
+            continue  # any stiffness may be studied
+        if converted or each.in_si:
+            problem = _of_si(scales, each.quantity, given, fastest, converted)
+        else:
+            problem = _of_dimensionless(scales, each.quantity, given, fastest)
+        if problem:
+            yield each.path, problem
 
 
-def _values(case: Case, table: str) -> Iterator[_Value]:
-    """The numbers of a table whose unit can be mistaken."""
-    if table == "operation":
-        yield _Value((table, "speed"), SPEED, [case.operation.speed])
-        yield _Value((table, "speed_rpm"), RPM, [case.operation.speed_rpm])
-    elif table == "excitation":
-        yield _Value((table, "frequency"), FREQUENCY, [case.excitation.frequency])
-    elif table == "linearize":
-        yield _Value((table, "speed_range"), SPEED, case.linearize.speed_range)
-    elif table == "criticals":
-        yield _Value((table, "speed_range"), SPEED, case.criticals.speed_range)
-    elif table == "unbalance_response":
-        yield _Value((table, "speed_range"), SPEED, case.unbalance_response.speed_range)
-    elif table in ("continue_cycles", "continue_tori"):
-        branch = getattr(case, table)
-        yield _Value((table, "range"), branch.parameter, branch.range)
-        yield _Value((table, "start"), branch.parameter, [branch.start])
-    elif table == "track_curves":
-        plane = zip(case.track_curves.parameters, case.track_curves.ranges, strict=True)
-        for index, (parameter, interval) in enumerate(plane):
-            yield _Value((table, "ranges", index), parameter, interval)
-    elif table == "survey" and case.survey.ranges is not None:
-        plane = zip(case.track_curves.parameters, case.survey.ranges, strict=True)
-        for index, (parameter, interval) in enumerate(plane):
-            yield _Value((table, "ranges", index), parameter, interval)
-    elif table == "unbalance" and case.unbalance is not None:
-        yield _Value((table, "rated_speed"), SPEED, [case.unbalance.rated_speed])
-        yield _Value((table, "rated_speed_rpm"), RPM, [case.unbalance.rated_speed_rpm])
-    elif table == "transient":
-        measures = SPEED if case.transient.units == "dimensionless" else RPM
-        yield _Value((table, "speeds"), measures, case.transient.speeds)
-    elif table == "calibrate":
-        yield from _calibration_values(case)
+def _of_dimensionless(scales: Scales, measure: str, given: Sequence[float], fastest: float) -> str:
+    """Why dimensionless numbers seem to be SI; "" if they do not."""
+    largest = max(given)
+    if measure == "speed" and largest > fastest:
+        return _too_fast(scales, given, fastest) + HINT
+    if measure == "frequency" and largest > fastest:
+        return _too_frequent(scales, given, fastest) + HINT
+    if measure == "foil_stiffness" and largest > STIFFEST_FOIL:
+        return _too_stiff(scales, given) + HINT
+    return ""
 
 
-def _calibration_values(case: Case) -> Iterator[_Value]:
-    settings = case.calibrate
-    assert settings is not None
-    yield _Value(("calibrate", "speed_range"), SPEED, settings.speed_range)
-    for index, target in enumerate(settings.targets):
-        at: Path = ("calibrate", "targets", index)
-        if target.quantity != "onset_slope":
-            yield _Value((*at, "value"), SPEED, [target.value])
-        yield _Value((*at, "value_rpm"), RPM, [target.value_rpm])
-        yield _Value((*at, "speed_range"), SPEED, target.speed_range or ())
+def _of_si(scales: Scales, measure: str, given: Sequence[float], fastest: float, by_units: bool) -> str:
+    """Why numbers in rpm, Hz, um or N/m3 seem to be dimensionless, or impossible; "" if they do not.
+
+    ``by_units``: the unit is that of the table, not that of the key.
+    """
+    per_unit, unit = scales.si_per_unit[measure], SI_UNITS[measure]
+    largest, smallest = max(given) / per_unit, min(given) / per_unit
+    if measure == "speed" and largest > fastest:
+        return f"above {fastest * per_unit:.4g} rpm the journal's surface exceeds {FASTEST_SURFACE:g} m/s"
+    if by_units and measure == "frequency" and largest > fastest:
+        return f"above {fastest * per_unit:.4g} Hz the ring would swing faster than any journal turns"
+    doubt = {
+        "speed": min(given) < SLOWEST_SPEED and smallest < SLOWEST_FILM,
+        "frequency": by_units and max(given) < SLOWEST_RING and largest < SLOWEST_EXCITATION,
+        "foil_stiffness": by_units and largest < SOFTEST_FOIL,
+        "displacement": by_units and 0 < largest < SMALLEST_STROKE,
+    }
+    why = {
+        "speed": f"at {min(given):g} rpm no gas film carries",
+        "frequency": f"rings at {max(given):g} Hz are at rest for this machine",
+        "foil_stiffness": f"a foil of {max(given):g} N/m3 does not hold the film",
+        "displacement": f"{max(given):g} um is nothing to a clearance of {scales.displacement * 1e6:g} um",
+    }
+    if not doubt.get(measure, False):
+        return ""
+    meant = _shown([number * per_unit for number in given], 4)
+    return f"in {unit}: {why[measure]}; the dimensionless {_shown(given)} {_are(given)} {meant} {unit}"
 
 
 def _too_fast(scales: Scales, given: Sequence[float], fastest: float) -> str:
@@ -127,20 +123,6 @@ def _too_stiff(scales: Scales, given: Sequence[float]) -> str:
         f"a dimensionless stiffness, k c/p0: above {STIFFEST_FOIL:g} a foil is rigid; {_shown(given)} N/m3 "
         f"{_are(given)} {meant}"
     )
-
-
-def _rpm(scales: Scales, given: Sequence[float], fastest: float) -> Iterator[str]:
-    """The message for rpm that no shaft survives, or a dimensionless speed given as rpm."""
-    largest, smallest = max(given), min(given)
-    if scales.speed_from_rpm(largest) > fastest:
-        most = scales.speed_rpm(fastest)
-        yield f"above {most:.4g} rpm the journal's surface exceeds {FASTEST_SURFACE:g} m/s"
-    elif smallest < SLOWEST_SPEED and scales.speed_from_rpm(smallest) < SLOWEST_FILM:
-        meant = _shown([scales.speed_rpm(number) for number in given], 4)
-        yield (
-            f"in rpm: at {smallest:g} rpm no gas film carries; the dimensionless {_shown(given)} "
-            f"{_are(given)} {meant} rpm"
-        )
 
 
 def _are(given: Sequence[float]) -> str:

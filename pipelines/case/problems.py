@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,6 +13,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from pipelines.case.fields import InconsistentError, Path, Table, bounds_of, extra_of, field_at, keys_of
+from pipelines.case.units import Dimensionless
 
 MOST_PRINTED = 50
 LONGEST_VALUE = 60
@@ -87,12 +89,25 @@ class Places:
     """Lines of the keys in the file."""
     origins: dict[Path, tuple[str, int | None]] = field(default_factory=dict)
     """Places of the values that an override or a sweep has set; they win over the lines."""
+    units: Dimensionless = field(default_factory=lambda: Dimensionless({}))
+    """What the file has in SI units."""
 
     def own(self, path: Path) -> tuple[str, int | None] | None:
         """The place of a key that is written in the file; None otherwise."""
         if path in self.origins:
             return self.origins[path]
         return (self.file, self.lines[path]) if path in self.lines else None
+
+    def as_written(self, path: Path, value: str, message: str) -> tuple[Path, str, str]:
+        """Path, shown value and message as of the file, for those of a value that was made dimensionless."""
+        for length in range(len(path), 0, -1):
+            if (written := self.units.written.get(path[:length])) is not None:
+                below = path[length:]
+                note = written.note(below) if re.search("[1-9]", message) else ""
+                told = f"{message} ({note})" if note and note.rpartition(" ")[2] not in message else message
+                own = shown(value_at(written.value, below)) if value else ""
+                return (*written.path, *below), own, told
+        return path, value, message
 
     def nearest(self, path: Path) -> tuple[str, int | None]:
         """The place of a key, of the key that it inherits from, or of the innermost table around it."""
@@ -110,7 +125,10 @@ def problems_of(error: ValidationError, root: type[Table], places: Places) -> li
     reported as missing too.
     """
     found: dict[tuple[Path, str], Problem] = {}
-    for path, value, message, suggestion in _statements(error, root):
+    for stated_path, stated_value, stated, suggestion in _statements(error, root):
+        if any(stated_path[: len(unknown)] == unknown for unknown in places.units.unknown):
+            continue  # in SI units that nothing makes dimensionless, which is reported
+        path, value, message = places.as_written(stated_path, stated_value, stated)
         file, line = places.nearest(path)
         first = _in_first_bearing(path)
         if first != path and places.nearest(first) == (file, line) and (first, message) in found:

@@ -29,6 +29,7 @@ from pipelines.case.sweeps import (
     split_keys,
     sweep_of,
 )
+from pipelines.case.units import dimensionless
 
 __all__ = ["CaseError", "NamedCase", "Problem", "parse_toml", "read_cases", "stage_problems"]
 
@@ -211,8 +212,9 @@ def _case(
                 values = [each[sweep.keys.index(key)] for each in sweep.rows]
                 problems.append(Problem(*place, f"{sweep.source[0]}.{key}", shown(values), str(error)))
                 misplaced = True
+    own_places = replace(own_places, units=dimensionless(Case, own))
     try:
-        case = Case.model_validate(own)
+        case = Case.model_validate(own_places.units.document)
     except ValidationError as error:
         problems.extend(problems_of(error, Case, own_places))
         problems.extend(_journal_problems(own, own_places))
@@ -227,16 +229,19 @@ def _case(
 
 def stage_problems(named: NamedCase, stages: Iterable[str]) -> list[Problem]:
     """Why stages cannot compute a case, each reason once."""
-    of_stages = (misfit for stage in stages for misfit in stage_inconsistencies(named.case, stage))
-    misfits = dict.fromkeys((*machine_inconsistencies(named.case), *of_stages))
+    written = named.places.units.written
+    told = named.resolved, written
+    of_stages = (misfit for stage in stages for misfit in stage_inconsistencies(named.case, stage, *told))
+    misfits = dict.fromkeys((*machine_inconsistencies(named.case, *told), *of_stages))
     return [_stage_problem(named, path, message) for path, message in misfits]
 
 
 def _stage_problem(named: NamedCase, path: Path, message: str) -> Problem:
-    key, value = ".".join(map(str, path)), shown(value_at(named.resolved, path))
+    value = shown(value_at(named.resolved, path))
+    path, value, told = named.places.as_written(path, value, message)
     is_default = value and named.places.file and named.places.own(path) is None
-    told = message + " (not given: this is the default)" * bool(is_default)
-    return Problem(*named.places.nearest(path), key, value, told)
+    told += " (not given: this is the default)" * bool(is_default)
+    return Problem(*named.places.nearest(path), ".".join(map(str, path)), value, told)
 
 
 def _journal_problems(document: Document, places: Places) -> list[Problem]:

@@ -16,12 +16,21 @@ _TYPE_NAMES = {float: "number", int: "integer", bool: "true/false", str: "string
 _INTRODUCTION = """\
 # Configuration
 
-A case is a TOML file of the tables below, in SI units; keys of unit 1 are dimensionless. Every key can be
-set on the command line, as in `--set bearings.foil.stiffness=3` (both bearings) or
-`--set bearings.1.clearance=2e-5` (the second one). A table `[sweep]` with lists, such as
-`bearings.foil.stiffness = [3, 10]`, makes one case of every combination. Keys that vary together share a line
-of lists: `"bearings.foil.stiffness, excitation.frequency" = [[3, 0.63], [10, 0.70]]`. A table `[sample]`, at
-the end of this page, draws machines from ranges of keys.
+A case is a TOML file of the tables below. Every key can be set on the command line, as in
+`--set bearings.foil.stiffness=3` (both bearings) or `--set bearings.1.clearance=2e-5` (the second one). A
+table `[sweep]` with lists, such as `bearings.foil.stiffness = [3, 10]`, makes one case of every combination.
+Keys that vary together share a line of lists:
+`"bearings.foil.stiffness, excitation.frequency" = [[3, 0.63], [10, 0.70]]`. A table `[sample]`, at the end of
+this page, draws machines from ranges of keys.
+
+**Units.** The machine is described in SI units. A key with two units, such as `1 or rpm`, is dimensionless,
+or in the second unit where `units = "si"` stands in its table, in a table around it or at the top of the
+file: speeds in rpm, frequencies in Hz, times in s, displacements of the rings in um, stiffnesses of the foils
+in N/m3. That holds in the tables, in `[sweep]`, in `[sample]` and for `--set`. The scales are those of the
+first bearing. A step of a continuation is the change of its parameter alone (of the first of two). Keys that
+name their unit, `speed_rpm`, `frequency_hz`, `rated_speed_rpm`, `value_rpm` and `areal_stiffness`, have it in
+any case: `speed = 12000` in SI units and `speed_rpm = 12000` are one configuration. Prefer `units = "si"` at
+the top of the file.
 """
 
 
@@ -37,7 +46,22 @@ def json_schema() -> dict[str, Any]:
         "them; every combination is a case",
     }
     schema["properties"][NAME] = Sample.model_json_schema()
+    for table in (schema, *schema["$defs"].values()):
+        for key in table.get("properties", {}).values():
+            _in_any_unit(key)
     return schema
+
+
+def _in_any_unit(key: dict[str, Any]) -> None:
+    """State the unit of a key; one that has two is bounded by its sign alone, which both share."""
+    unit = key.get("unit", "")
+    if unit not in ("", "1"):
+        key["description"] += f" [{unit}]"
+    if not {"measures", "measured_by"}.isdisjoint(key):
+        for form in (key, *key.get("anyOf", ())):
+            for bound in ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"):
+                if form.get(bound, 0) != 0:
+                    del form[bound]
 
 
 def reference_markdown() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
@@ -20,7 +20,7 @@ from pipelines.case.fields import (
     rising,
     table,
 )
-from pipelines.case.sweeps import MOST_CASES, Document, MisplacedError, Sweep, assign, values_at
+from pipelines.case.sweeps import MOST_CASES, Document, MisplacedError, Sweep, assign, flat, values_at
 
 Tolerance = Annotated[Number, Field(gt=0)]
 NAME = "sample"
@@ -59,7 +59,7 @@ class Sample(Table):
     @classmethod
     def _dotted(cls, value: Any) -> Any:
         """Quoted dotted keys and nested tables mean the same."""
-        return dict(_flat(value)) if isinstance(value, dict) else value
+        return dict(flat(value)) if isinstance(value, dict) else value
 
     @field_validator("ranges")
     @classmethod
@@ -135,11 +135,3 @@ def _draw(sample: Sample, dimensions: int) -> Array:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "The balance properties")  # count says so
         return qmc.Sobol(dimensions, rng=sample.seed).random(sample.count)
-
-
-def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in content.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value

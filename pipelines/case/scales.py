@@ -30,6 +30,20 @@ def film_time(viscosity: float, ambient_pressure: float, radius: float, clearanc
     return 6 * viscosity * radius**2 / (ambient_pressure * clearance**2)
 
 
+def si_per_unit(time: float, clearance: float, ambient_pressure: float) -> dict[str, float]:
+    """What a dimensionless number 1 is in the unit of each quantity of `SI_UNITS`; all arguments SI.
+
+    rpm, Hz, s, um, N/m3: 60/(2 pi t0), 1/(2 pi t0), t0, 1e6 c, p0/c
+    """
+    return {
+        "speed": RPM_PER_RADIAN_PER_SECOND / time,
+        "frequency": 1 / (2 * math.pi * time),
+        "time": time,
+        "displacement": 1e6 * clearance,
+        "foil_stiffness": ambient_pressure / clearance,
+    }
+
+
 def bump_stiffness(bump: Bump, ambient_pressure: float, clearance: float) -> float:
     """Dimensionless foil stiffness from bump geometry (Eq. 6, 7; the print lost the cube).
 
@@ -138,15 +152,25 @@ class Scales:
         """Scale of rotor damping, force t0/c [N s/m]."""
         return self.force * self.time / self.displacement
 
+    def bearing_stiffness(self, bearing: int) -> float:
+        """Scale of stiffness p0 R L/c of a bearing itself [N/m]; times t0 it is that of its damping."""
+        own = self.bearings[bearing]
+        return own.force / (own.clearance_ratio * self.displacement)
+
+    @property
+    def si_per_unit(self) -> dict[str, float]:
+        """What a dimensionless 1 is in rpm, Hz, s, um, N/m3, by quantity of `SI_UNITS`."""
+        return si_per_unit(self.time, self.displacement, self.pressure)
+
     @property
     def speed_rpm_per_unit(self) -> float:
         """Rotating speed in rpm at Omega_bar = 1."""
-        return RPM_PER_RADIAN_PER_SECOND / self.time
+        return self.si_per_unit["speed"]
 
     @property
     def hertz_per_unit(self) -> float:
         """Frequency in Hz at the dimensionless angular frequency 1."""
-        return 1 / (2 * math.pi * self.time)
+        return self.si_per_unit["frequency"]
 
     def speed_rpm(self, speed: float) -> float:
         """Rotating speed [rpm] of a dimensionless speed."""

@@ -12,6 +12,7 @@ from pipelines.case.fields import (
     Number,
     Parameter,
     Table,
+    UnitsTable,
     arclength_step,
     choice,
     inside_range,
@@ -26,18 +27,23 @@ from pipelines.case.fields import (
 from pipelines.case.rotor import NodeNumber
 
 
-class Operation(Table):
+class Operation(UnitsTable):
     """The operating point; exactly one of `speed` and `speed_rpm`."""
 
     speed: float | None = quantity(
-        "dimensionless rotating speed Omega (the bearing number of the first bearing)",
-        "1",
+        "rotating speed; dimensionless Omega (the bearing number of the first bearing)",
+        default=None,
+        above=0,
+        because="the film carries by rotation",
+        measures="speed",
+        si_key="speed_rpm",
+    )
+    speed_rpm: float | None = quantity(
+        "rotating speed in rpm, whatever the units",
+        "rpm",
         None,
         above=0,
         because="the film carries by rotation",
-    )
-    speed_rpm: float | None = quantity(
-        "rotating speed", "rpm", None, above=0, because="the film carries by rotation"
     )
 
     @field_validator("speed_rpm")
@@ -53,7 +59,7 @@ class Numerics(Table):
     circumferential: int = quantity(
         "circumferential intervals of the film grid",
         "",
-        40,
+        32,
         at_least=8,
         at_most=1024,
         because="fewer do not resolve the pressure wave, more do not fit in memory",
@@ -61,15 +67,15 @@ class Numerics(Table):
     axial: int = quantity(
         "axial unknowns on the half film",
         "",
-        3,
+        4,
         at_least=1,
         at_most=32,
         because="Chebyshev collocation converges with 2 to 4; stiffness grows like its fourth power",
     )
     scheme: Literal["central", "backward", "fourth_order"] = choice(
-        "differences along the circumference: `central` of second order, `fourth_order`, or the paper's "
+        "differences along the circumference: `fourth_order`, `central` of second order, or the paper's "
         "`backward` convection of first order",
-        "central",
+        "fourth_order",
     )
     axial_scheme: Literal["chebyshev", "uniform"] = choice(
         "`chebyshev` collocation or the paper's `uniform` differences", "chebyshev"
@@ -137,10 +143,10 @@ class Numerics(Table):
     )
 
 
-class Linearize(Table):
+class Linearize(UnitsTable):
     """Equilibria and eigenvalues along the speed."""
 
-    speed_range: tuple[Number, Number] = table("dimensionless speeds from, to", (0.2, 1.6), unit="1")
+    speed_range: tuple[Number, Number] = table("speeds from, to", (0.2, 1.6), measures="speed")
     points: int = quantity(
         "number of speeds; a failure if more than a tenth of them has no equilibrium",
         "",
@@ -178,10 +184,50 @@ class Linearize(Table):
         return value
 
 
-class Criticals(Table):
+class Coefficients(UnitsTable):
+    """Stiffness and damping of the bearings over the rotating speed and the whirl frequency."""
+
+    speed_range: tuple[Number, Number] | None = table(
+        "speeds from, to; default: `linearize.speed_range`", None, measures="speed"
+    )
+    points: int = quantity(
+        "number of speeds; a failure if more than a tenth of them has no equilibrium",
+        "",
+        21,
+        at_least=2,
+        at_most=100_000,
+        because="a range has two ends",
+    )
+    frequency_range: tuple[Number, Number] | None = table(
+        "whirl frequencies from, to; default: from 0, where damping is the limit for slow "
+        "motions, to the highest speed",
+        None,
+        measures="frequency",
+    )
+    frequencies: int = quantity(
+        "number of whirl frequencies", "", 31, at_least=2, at_most=10_000, because="a range has two ends"
+    )
+    ring: Literal["mean", "undeformed"] = choice(
+        "`mean`: rings at rest in their mean position; `undeformed`: the passive machine", "mean"
+    )
+
+    @field_validator("speed_range")
+    @classmethod
+    def _range(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        return None if value is None else positive_range(value, "the film carries by rotation")
+
+    @field_validator("frequency_range")
+    @classmethod
+    def _frequencies(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is not None and not 0.0 <= value[0] < value[1]:
+            raise InconsistentError("must rise from 0 or a positive frequency")
+        return value
+
+
+class Criticals(UnitsTable):
     """Critical speeds, Campbell diagram and the table of parametric resonances."""
 
-    speed_range: tuple[Number, Number] = table("dimensionless speeds from, to", (0.1, 2.0), unit="1")
+    speed_range: tuple[Number, Number] = table("speeds from, to", (0.1, 2.0), measures="speed")
     points: int = quantity(
         "number of speeds, more are inserted where modes come close; a failure if more than a tenth of them "
         "has no equilibrium",
@@ -222,10 +268,10 @@ class Criticals(Table):
         return positive_range(value, "the film carries by rotation")
 
 
-class UnbalanceResponse(Table):
+class UnbalanceResponse(UnitsTable):
     """Amplitude and phase of the linearised machine under [unbalance], over the speed."""
 
-    speed_range: tuple[Number, Number] = table("dimensionless speeds from, to", (0.1, 2.0), unit="1")
+    speed_range: tuple[Number, Number] = table("speeds from, to", (0.1, 2.0), measures="speed")
     points: int = quantity(
         "number of speeds, more are inserted where the response is curved; a failure if more than a tenth of "
         "them has no equilibrium",
@@ -252,17 +298,19 @@ class UnbalanceResponse(Table):
         return value
 
 
-class ContinueCycles(Table):
+class ContinueCycles(UnitsTable):
     """Continuation of limit cycles in one parameter."""
 
     parameter: Parameter = choice(
-        "dimensionless parameter that is continued; `foil_stiffness` scales both foils together", "speed"
+        "parameter that is continued; `foil_stiffness` scales both foils together", "speed"
     )
     range: tuple[Number, Number] = table(
-        "values of the parameter between which the branch is followed", (0.2, 1.6), unit="1"
+        "values of the parameter between which the branch is followed", (0.2, 1.6), measured_by="parameter"
     )
     start: float | None = quantity(
-        "value of the parameter where the branch starts; default: the case's own value", "1", None
+        "value of the parameter where the branch starts; default: the case's own value",
+        default=None,
+        measured_by="parameter",
     )
     formulation: Literal["stroboscopic", "autonomous"] = choice(
         "`stroboscopic`: period map of the forced system; `autonomous`: unknown period with an integral "

@@ -8,15 +8,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 from pipelines.case.calibrate_settings import calibration_inconsistencies
-from pipelines.case.fields import Inconsistency, Path
+from pipelines.case.fields import MEASURES, Inconsistency, Path
 from pipelines.case.models import Case
 from pipelines.case.plausible import implausible_values
 from pipelines.case.rotor import off_shaft
 from pipelines.case.scales import PARAMETERS
 from pipelines.case.torus_settings import torus_inconsistencies
 from pipelines.case.transient_settings import transient_inconsistencies
+from pipelines.case.units import Written, in_both
 
 Check = Callable[[Case], Iterator[Inconsistency]]
 
@@ -39,17 +41,40 @@ AT_REST = (
 CLOSED = "times the largest of excitation.amplitudes must stay below 1: the ring closes the film"
 
 
-def machine_inconsistencies(case: Case) -> Iterator[Inconsistency]:
-    """Values with which no stage can compute, each with its path in the case."""
-    for table in ("operation", "excitation", "unbalance"):
-        yield from implausible_values(case, table)
+def machine_inconsistencies(
+    case: Case, resolved: Mapping[str, Any], written: Mapping[Path, Written]
+) -> Iterator[Inconsistency]:
+    """Values with which no stage can compute, each with its path in the case.
+
+    ``resolved``: the case as plain data; ``written``: what the file has in SI units, by path in the case.
+    """
+    for table in ("bearings", "operation", "excitation", "unbalance"):
+        yield from implausible_values(case, resolved, table, written)
 
 
-def stage_inconsistencies(case: Case, stage: str) -> Iterator[Inconsistency]:
-    """Why a stage (of `STAGE_TABLES`) is impossible for a case, each reason with its path in the case."""
+def stage_inconsistencies(
+    case: Case, stage: str, resolved: Mapping[str, Any], written: Mapping[Path, Written]
+) -> Iterator[Inconsistency]:
+    """Why a stage (of `STAGE_TABLES`) is impossible for a case, each reason with its path in the case.
+
+    ``resolved``: the case as plain data; ``written``: what the file has in SI units, by path in the case.
+    """
+    doubtful: set[Path] = set()
     for table in STAGE_TABLES[stage]:
-        yield from implausible_values(case, table)
-    yield from _CHECKS.get(stage, _nothing)(case)
+        for path, message in implausible_values(case, resolved, table, written):
+            doubtful.add(path)
+            yield path, message
+    for path, message in _CHECKS.get(stage, _nothing)(case):
+        if path not in doubtful:  # numbers in the wrong unit are judged no further
+            yield path, message
+
+
+def ranges_of_speed(case: Case) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Dotted key and ends of the ranges of speed along which equilibria are computed."""
+    yield "linearize.speed_range", case.linearize.speed_range
+    yield "criticals.speed_range", case.criticals.speed_range
+    if case.unbalance is not None:
+        yield "unbalance_response.speed_range", case.unbalance_response.speed_range
 
 
 def _nothing(case: Case) -> Iterator[Inconsistency]:
@@ -81,6 +106,8 @@ def _set(case: Case) -> Iterator[Inconsistency]:
     """Errors of the curves to search; a machine without any is a result of the search, not an error."""
     if not _is_passive(case):
         yield from _curves(case)
+        if case.bifurcation_set.certify:
+            yield from _survey(case)
 
 
 def _survey(case: Case) -> Iterator[Inconsistency]:
@@ -152,10 +179,14 @@ def _own_value(
     low, high = interval
     value = case.parameters[PARAMETERS.index(name)]
     if start is None and not math.isnan(value) and not low <= value <= high:
+        ends, own = (
+            ", ".join(in_both(MEASURES[name], number, case.scales.si_per_unit) for number in numbers)
+            for numbers in (interval, (value,))
+        )
         yield (
             (*at, "range"),
-            f"[{low:g}, {high:g}] does not contain the case's own {name} = {value:.6g}, where the branch "
-            "starts: give start, or another range",
+            f"[{ends}] does not contain the case's own {name} = {own}, where the branch starts: give start, "
+            "or another range",
         )
 
 
@@ -175,6 +206,7 @@ def _unforced(case: Case) -> bool:
 STAGE_TABLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "linearize": ("linearize",),
+        "coefficients": ("coefficients", "linearize"),  # whose speed_range is the default
         "criticals": ("criticals",),
         "unbalance_response": ("unbalance_response",),
         "continue_cycles": ("continue_cycles", "linearize"),  # a whirl is sought along linearize.speed_range

@@ -7,14 +7,14 @@ from typing import Annotated, NamedTuple
 from pydantic import Field, ValidationInfo, field_validator
 
 from pipelines.case.curve_settings import Interval, TrackCurves
-from pipelines.case.fields import InconsistentError, Table, quantity, table
+from pipelines.case.fields import InconsistentError, UnitsTable, quantity, table
 
 Count = Annotated[int, Field(strict=True)]
 MOST_POINTS = 1000  # along either parameter
 ACCURACY = "at a tenth of it a cell takes about twice as long"
 
 
-class Survey(Table):
+class Survey(UnitsTable):
     """Stability of the cycles over a grid of the plane of [track_curves], without continuation."""
 
     points: tuple[Count, Count] = table(
@@ -23,7 +23,7 @@ class Survey(Table):
     ranges: tuple[Interval, Interval] | None = table(
         "values of the two parameters between which the grid lies; default: track_curves.ranges",
         None,
-        unit="1",
+        measured_by="track_curves.parameters",
     )
     harmonics: int = quantity(
         "harmonics of a cycle; twice as many are tried where they do not suffice",

@@ -144,6 +144,15 @@ def values_at(node: Any, key: str) -> Iterator[Any]:
     yield from values_at(inner, rest) if rest else (inner,)
 
 
+def flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values of nested tables; quoted dotted keys and nested tables mean the same."""
+    for name, value in content.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
 def _dotted(path: Path) -> str:
     return ".".join(str(part) for part in path)
 

@@ -13,7 +13,7 @@ from pipelines.case.fields import (
     InconsistentError,
     Number,
     Parameter,
-    Table,
+    UnitsTable,
     arclength_step,
     choice,
     inside_range,
@@ -28,7 +28,7 @@ from pipelines.case.transient_settings import Unbalance
 FEWEST_ANGLES = 15
 
 
-class ContinueTori(Table):
+class ContinueTori(UnitsTable):
     """Continuation of quasi-periodic orbits in one parameter."""
 
     origin: Literal["neimark_sacker", "unbalance"] = choice(
@@ -45,15 +45,15 @@ class ContinueTori(Table):
         because="it is one of those that `agfb continue-cycles` writes",
     )
     parameter: Parameter = choice(
-        "dimensionless parameter that is continued; `foil_stiffness` scales both foils together", "speed"
+        "parameter that is continued; `foil_stiffness` scales both foils together", "speed"
     )
     range: tuple[Number, Number] = table(
-        "values of the parameter between which tori are followed", (0.2, 1.6), unit="1"
+        "values of the parameter between which tori are followed", (0.2, 1.6), measured_by="parameter"
     )
     start: float | None = quantity(
         "value of the parameter where a branch with unbalance starts; default: the case's own value",
-        "1",
-        None,
+        default=None,
+        measured_by="parameter",
     )
     direction: Literal["up", "down", "both"] = choice(
         "direction of the parameter at the start with unbalance; a torus leaves its Neimark-Sacker point on "

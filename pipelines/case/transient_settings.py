@@ -17,7 +17,10 @@ from pipelines.case.fields import (
     InconsistentError,
     Number,
     Table,
+    Units,
+    UnitsTable,
     choice,
+    converted,
     given,
     quantity,
     require_one,
@@ -56,7 +59,7 @@ class UnbalancePlane(Table):
     )
 
 
-class Unbalance(Table):
+class Unbalance(UnitsTable):
     """Planes with moments, or a grade G (ISO 21940-11): U = G m/Omega_rated with the rotor's mass m."""
 
     grade: float | None = quantity(
@@ -68,10 +71,19 @@ class Unbalance(Table):
         because="grades of ISO 21940-11 range from G 0.4 to G 4000",
     )
     rated_speed: float | None = quantity(
-        "dimensionless speed for which the grade holds", "1", None, above=0, because="U = G m/Omega_rated"
+        "speed for which the grade holds",
+        default=None,
+        above=0,
+        because="U = G m/Omega_rated",
+        measures="speed",
+        si_key="rated_speed_rpm",
     )
     rated_speed_rpm: float | None = quantity(
-        "speed for which the grade holds", "rpm", None, above=0, because="U = G m/Omega_rated"
+        "speed in rpm for which the grade holds, whatever the units",
+        "rpm",
+        None,
+        above=0,
+        because="U = G m/Omega_rated",
     )
     planes: tuple[UnbalancePlane, ...] = table(
         "planes; with a grade and none given, the bearings' nodes in phase", (), max_length=500
@@ -142,7 +154,7 @@ def unbalance_moments(
 
 
 class Transient(Table):
-    """Time integration, with the table [unbalance] if given; `units` apply to times and speeds."""
+    """Time integration, with the table [unbalance] if given."""
 
     start: str = quantity(
         "`equilibrium`, a branch of cycles of the same case such as `cycles/b000`, or an earlier run such as "
@@ -158,20 +170,23 @@ class Transient(Table):
         at_least=0,
         because="rows are counted from 0",
     )
-    units: Literal["dimensionless", "si"] = choice(
-        "units of times and speeds in this table: `dimensionless`, or `si` for s and rpm", "dimensionless"
+    units: Units = choice(
+        "units of this table: `dimensionless`, or `si` for s and rpm; default: those of the file",
+        "dimensionless",
     )
-    duration: float = quantity("duration of the run", "see units", 500.0, above=0, because="time runs on")
+    duration: float = quantity(
+        "duration of the run", default=500.0, above=0, because="time runs on", measures="time"
+    )
     times: tuple[Number, ...] = table(
         "times of the table of speeds, from 0; the speed is linear in between and stays after the last",
         (),
-        unit="see units",
+        measures="time",
         max_length=MOST_KNOTS,
     )
     speeds: tuple[Number, ...] = table(
         "speeds at these times; default: constant, that of the start state (operation.speed at equilibrium)",
         (),
-        unit="see units",
+        measures="speed",
         max_length=MOST_KNOTS,
     )
     angle: float = quantity(
@@ -184,17 +199,17 @@ class Transient(Table):
     )
     switch_time: float | None = quantity(
         "when the switching of the excitation begins",
-        "see units",
-        None,
+        default=None,
         at_least=0,
         because="time starts at 0",
+        measures="time",
     )
     switch_ramp: float | None = quantity(
         "how long the switching takes (a smooth step); default: one excitation period",
-        "see units",
-        None,
+        default=None,
         above=0,
         because="a ring that jumps would strike the film",
+        measures="time",
     )
     tolerance: float = quantity(
         "largest error of the state from the time steps, after the first reference period",
@@ -237,6 +252,8 @@ class Transient(Table):
         below=1,
         because="below it the journal touches the foil and the film equation no longer describes it",
     )
+
+    _units = field_validator("units")(converted)
 
     @field_validator("start")
     @classmethod

@@ -8,6 +8,7 @@
 - provenance, failures: where a store comes from; which stages failed
 - integrity, comparison, watching: check a store; compare two stores; watch a store from another
   process
-- exporting, case_table: files for other programs; one row for each case
+- exporting, dimensional: files for other programs; arrays in rpm, Hz, s, um
+- coefficient_tables, mode_tables, case_table: tables of bearings and modes; one row for each case
 - errors: what can be wrong with a store
 """

@@ -63,14 +63,17 @@ def open_branch(
     sizes: Mapping[str, int],
     static: Values | None = None,
     attributes: Mapping[str, Any] | None = None,
+    *,
+    renew: bool = False,
 ) -> BranchWriter:
     """Open a branch for writing: create it, or resume it if it exists.
 
     ``sizes`` gives the capacity along the kind's row dimension and the sizes of all other dimensions; arrays
     with a dimension that has no size are left out. ``static`` holds the arrays that are written once. On
     resuming, a larger capacity enlarges the branch; other sizes and ``attributes`` must be those of the
-    store, where a branch without rows is made anew. Raises LockedStoreError, OtherConfigurationError,
-    CorruptedError, ForeignStoreError, OSError, and ValueError for data outside the schema.
+    store. Where they are not, a branch without rows is made anew, and with ``renew`` any branch. Raises
+    LockedStoreError, OtherConfigurationError, CorruptedError, ForeignStoreError, OSError, and ValueError for
+    data outside the schema.
     """
     given = dict(attributes or {})
     if taken := RESERVED & set(given):
@@ -82,7 +85,7 @@ def open_branch(
         require_metadata(store.path, group)
         if store.has_group(group):
             sweep_partials(group_folder(store.path, group))
-        if not store.has_group(group) or not _adopt(store, group, kind, complete, given):
+        if not store.has_group(group) or not _adopt(store, group, kind, complete, given, renew):
             _make(store, group, kind, complete, static or {}, given)
         return BranchWriter(store, group, kind, lock)
     except BaseException:
@@ -397,11 +400,11 @@ def _publish(store: Store, folder: Path, kind: str, attributes: Mapping[str, Any
 
 
 def _adopt(
-    store: Store, group: str, kind: str, sizes: Mapping[str, int], attributes: Mapping[str, Any]
+    store: Store, group: str, kind: str, sizes: Mapping[str, int], attributes: Mapping[str, Any], renew: bool
 ) -> bool:
     """Whether the existing branch can be resumed.
 
-    Not if it was requested with other attributes and has no rows that would be lost.
+    Not if it was requested with other attributes and may be replaced (``renew``) or has no rows.
     """
     metadata = read_group_metadata(store.path, group, kind)
     stored, growing = metadata.attributes["dimensions"], {KINDS[kind].row, KINDS[kind].event}
@@ -414,7 +417,9 @@ def _adopt(
         before, now = _unlike(metadata.attributes.get(key), value)
         if before != now:
             differing.append(f"{key} is {before!r} in the store and {now!r} now")
-    if differing and not (metadata.attributes["n_points"] or metadata.attributes["n_events"]):
+    if renew and set(metadata.arrays) != set(layout(kind, sizes)):
+        return False  # written by a version that stored less
+    if differing and (renew or not (metadata.attributes["n_points"] or metadata.attributes["n_events"])):
         return False
     if differing:
         raise OtherConfigurationError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,16 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.case.fields import Path, extra_of, field_at
+from pipelines.case.fields import MEASURES, SI_UNITS, Path, extra_of, field_at
+from pipelines.case.measuring import measured
 from pipelines.case.models import Case
 from pipelines.case.sweeps import short_names
+from pipelines.case.units import scale_of
+from pipelines.datasets.dimensional import ENDINGS, scale_of_case
 from pipelines.datasets.failures import read_failures
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, case_group, local_name
 
 Value = float | str | None
-DIMENSIONAL = ("rpm", "hz")
+_ROUNDING = 1e-12  # relative
+DIMENSIONAL = {ENDINGS[SI_UNITS[quantity]]: SI_UNITS[quantity] for quantity in MEASURES.values()}
 """Endings of columns that show another column in this unit."""
 
 
@@ -57,12 +62,11 @@ def case_table(store: Store, cases: Sequence[str]) -> CaseTable:
     """The table of some cases, from stored groups alone; raises StoreError for damaged groups."""
     configuration: Mapping[str, Any] = store.attributes.get("configuration", {})
     found = [dict(_outputs(store, case)) for case in cases]
+    documents = [configuration.get(case, {}) for case in cases]
     known = {name for row in found for name, value in row.items() if value is not None}
     names = sorted(known, key=_place)
     outputs = [_column(name, *_unit_and_meaning(name), [row.get(name) for row in found]) for name in names]
-    return CaseTable(
-        tuple(cases), tuple(_inputs([configuration.get(case, {}) for case in cases])), tuple(outputs)
-    )
+    return CaseTable(tuple(cases), tuple(_inputs(documents)), tuple(outputs))
 
 
 def _column(name: str, unit: str, meaning: str, values: Sequence[Any]) -> Column:
@@ -82,7 +86,10 @@ def _inputs(documents: Sequence[Mapping[str, Any]]) -> Iterator[Column]:
     flat = [dict(_flat(document, ())) for document in documents]
     paths = list(dict.fromkeys(path for values in flat for path in values))
     rows = {path: tuple(values.get(path) for values in flat) for path in paths}
-    named = {_without_index(path, rows): path for path in paths if len(set(rows[path])) > 1}
+    alike = _alike_in_si(documents)
+    named = {
+        _without_index(path, rows): path for path in paths if len(set(rows[path])) > 1 and path not in alike
+    }
     for name, path in named.items():
         _, declared = field_at(Case, path)
         unit = extra_of(declared, "unit") if declared is not None else ""
@@ -90,11 +97,31 @@ def _inputs(documents: Sequence[Mapping[str, Any]]) -> Iterator[Column]:
         yield _column(".".join(map(str, name)), unit, meaning, rows[path])
 
 
+def _alike_in_si(documents: Sequence[Mapping[str, Any]]) -> set[Path]:
+    """Keys that have one value in SI units, though its dimensionless numbers differ with the clearance."""
+    rows = [dict(_in_si(document)) for document in documents]
+    return {
+        path
+        for path in rows[0]
+        if all(path in row and math.isclose(row[path], rows[0][path], rel_tol=_ROUNDING) for row in rows)
+    }
+
+
+def _in_si(document: Mapping[str, Any]) -> Iterator[tuple[Path, float]]:
+    scale = scale_of(dict(document))
+    tables = [name for name in document if name in Case.model_fields] if scale else []
+    for table in tables:
+        for each in measured(Case, document, table):
+            factor = 1.0 if scale is None or each.in_si else scale[each.quantity]
+            for path, number in _flat(each.numbers, each.path):
+                yield path, factor * number
+
+
 def _flat(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
     if isinstance(value, Mapping):
         for name, inner in value.items():
             yield from _flat(inner, (*path, name))
-    elif isinstance(value, list):
+    elif isinstance(value, list | tuple):
         for index, inner in enumerate(value):
             yield from _flat(inner, (*path, index))
     else:
@@ -120,7 +147,7 @@ def _without_index(path: Path, rows: Mapping[Path, tuple[Any, ...]]) -> Path:
 def short_titles(columns: Sequence[Column]) -> list[str]:
     """The shortest ends of the names that distinguish them, as words and without a unit."""
     names = short_names([column.name for column in columns])
-    return [name.removesuffix("_rpm").removesuffix("_hz").replace("_", " ") for name in names]
+    return [_without_unit(name)[0].replace("_", " ") for name in names]
 
 
 # outputs
@@ -138,6 +165,14 @@ _MEANINGS = {
     "best_bound": "what ends that range; none: nothing up to the highest speed of the plane",
     "passive_gain": "gain of best_speed over the instability speed without displacement of the rings",
     "reference_gain": "gain of best_speed over the range at excitation frequency 0.2",
+    "operating_point": "stability of the cycle at the case's own speed and excitation frequency",
+    "margin_speed": "distance in speed from there to the nearest boundary of stable cycles; negative where "
+    "the cycle is unstable there",
+    "margin_excitation_frequency": "distance in excitation frequency, likewise",
+    "margin_displacement": "distance in ring displacement, likewise",
+    "margin_foil_stiffness": "distance in foil stiffness, likewise",
+    "margin_relative": "relative distance to the nearest boundary of all, in shares of both parameters",
+    "margin_bifurcation": "kind of this boundary",
     "failed": "stages that failed, with the reason",
 }
 _ORDER = tuple(_MEANINGS)
@@ -163,14 +198,22 @@ def _outputs(store: Store, case: str) -> Iterator[tuple[str, Value]]:
         yield "failed", "; ".join(f"{failure.stage}: {failure.reason}" for failure in failures)
 
 
+def _both(
+    name: str, parameter: str, value: float | None, scales: Mapping[str, float]
+) -> Iterator[tuple[str, Value]]:
+    """A value of a parameter, dimensionless and in its SI unit."""
+    quantity = MEASURES[parameter]
+    yield name, value
+    dimensional = None if value is None else value * scale_of_case(scales)[quantity]
+    yield f"{name}_{ENDINGS[SI_UNITS[quantity]]}", dimensional
+
+
 def _speed(name: str, speed: float | None, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
-    yield name, speed
-    yield f"{name}_rpm", None if speed is None else speed * scales["speed_rpm_per_unit"]
+    yield from _both(name, "speed", speed, scales)
 
 
 def _frequency(name: str, value: float | None, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
-    yield name, value
-    yield f"{name}_hz", None if value is None else value * scales["hertz_per_unit"]
+    yield from _both(name, "excitation_frequency", value, scales)
 
 
 def _first_bifurcation(branch: Group, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
@@ -181,12 +224,7 @@ def _first_bifurcation(branch: Group, scales: Mapping[str, float]) -> Iterator[t
     places = np.flatnonzero(kinds != "neutral_saddle")  # which is no bifurcation
     first = float(branch.arrays[f"event_{parameter}"][places[0]]) if len(places) else None
     yield "first_bifurcation", str(kinds[places[0]]) if len(places) else "none"
-    if parameter == "speed":
-        yield from _speed(name, first, scales)
-    elif parameter == "excitation_frequency":
-        yield from _frequency(name, first, scales)
-    else:
-        yield name, first
+    yield from _both(name, parameter, first, scales)
 
 
 def _operating_range(
@@ -201,14 +239,41 @@ def _operating_range(
         yield "best_bound", "none" if best["open"] else str(best["bifurcation"])
     yield "passive_gain", attributes.get("passive_gain")
     yield "reference_gain", attributes.get("reference_gain")
+    if (margin := attributes.get("margin")) is not None:
+        yield from _margin(margin, parameter, scales)
+
+
+def _margin(
+    margin: Mapping[str, Any], parameter: str, scales: Mapping[str, float]
+) -> Iterator[tuple[str, Value]]:
+    """Distances of the operating point from the boundaries of stable cycles, negative if it is unstable."""
+    yield "operating_point", "not known" if margin["base"] == "unset" else str(margin["base"])
+    sign = -1.0 if margin["base"] == "unstable" else 1.0
+    in_speed, along, relative = (
+        None if (distance := margin[f"{name}_distance"]) is None else sign * distance
+        for name in ("speed", parameter, "relative")
+    )
+    yield from _speed("margin_speed", in_speed, scales)
+    if parameter == "excitation_frequency":
+        yield from _frequency("margin_excitation_frequency", along, scales)
+    else:
+        yield f"margin_{parameter}", along
+    yield "margin_relative", relative
+    nearest = margin["nearest"]
+    yield "margin_bifurcation", "none" if nearest is None else str(nearest["bifurcation"])
 
 
 def _root(name: str) -> tuple[str, str]:
     """An output's name without number and dimensional ending, and that ending."""
-    stem, _, ending = name.rpartition("_")
-    stem, ending = (stem, ending) if ending in DIMENSIONAL else (name, "")
+    stem, ending = _without_unit(name)
     root, _, number = stem.rpartition("_")
     return (root if number.isdecimal() else stem), ending
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """A name without its dimensional ending, and that ending."""
+    ending = next((each for each in DIMENSIONAL if name.endswith(f"_{each}")), "")
+    return (name.removesuffix(f"_{ending}"), ending) if ending else (name, "")
 
 
 def _place(name: str) -> tuple[int, int, str]:
@@ -220,8 +285,8 @@ def _place(name: str) -> tuple[int, int, str]:
 
 def _unit_and_meaning(name: str) -> tuple[str, str]:
     root, ending = _root(name)
-    words = root in ("first_bifurcation", "best_bound", "failed")
-    return {"rpm": "rpm", "hz": "Hz", "": "" if words else "1"}[ending], _MEANINGS[root]
+    words = root in ("first_bifurcation", "best_bound", "operating_point", "margin_bifurcation", "failed")
+    return DIMENSIONAL[ending] if ending else "" if words else "1", _MEANINGS[root]
 
 
 # files

@@ -33,7 +33,7 @@ NOT_RESULTS = frozenset(
 ) | {CHECKSUM}
 DIAGNOSTICS = frozenset(
     {"newton_history", "newton_iterations", "newton_residual", "eigenvalue_residual", "multiplier_residual",
-     "event_residual", "step_error", "normal_form_error"}
+     "event_residual", "step_error", "normal_form_error", "width_effect"}
 )  # fmt: skip
 SAMPLES_PER_SEGMENT = 8  # places between two rows of a curve at which its distance from the other is taken
 NEAREST_STEPS = 8  # Gauss-Newton steps towards the nearest point, from the nearest of the samples

@@ -6,17 +6,20 @@ values and the slopes of the rows, so the curve is met with an error of fourth o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, PPoly
 
 from pipelines.case.arrays import Array
+from pipelines.datasets.records import Group
+from pipelines.datasets.store import local_name
 
+CRITICAL_MULTIPLIERS = {"period_doubling": 1, "neimark_sacker": 2, "fold": 1}
 CURVE_CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
 FINISHED = frozenset(
     {"closed", "range", "resonance_1", "resonance_2", "traced"}
@@ -32,7 +35,8 @@ class BifurcationCurve:
     ``arclength`` (n,), increasing; ``points`` and ``slopes`` = d points / d arclength, both (n, 2), in the
     order of ``parameters``; ``unstable`` (n,) multipliers outside the circle, critical ones left out, -1
     where unknown; ``criticality`` (n,) of "subcritical", "supercritical", "unset"; ``angle`` (n,) of the
-    critical multiplier [rad]; ``special`` (e,) arclengths of the points of codimension two, increasing.
+    critical multiplier [rad]; ``special`` (e,) arclengths of the points of codimension two, increasing;
+    ``clipping_width`` (n,) of the regularised clipping, 0 where a point is exact.
     """
 
     name: str
@@ -47,6 +51,12 @@ class BifurcationCurve:
     criticality: NDArray[np.str_]
     angle: Array
     special: Array
+    clipping_width: Array
+
+    @property
+    def critical_multipliers(self) -> int:
+        """Number of multipliers that are on the unit circle along the curve."""
+        return CRITICAL_MULTIPLIERS[self.bifurcation]
 
     @property
     def is_complete(self) -> bool:
@@ -94,14 +104,32 @@ class BifurcationCurve:
             between = np.concatenate([between, rows])
         return np.unique(between)
 
+    def nearest_candidates(self, point: Array, scale: Array) -> Array:
+        """Increasing arclengths among which the nearest point of any part of the curve is.
+
+        With the distance d^2 = sum_i ((p_i(s) - point_i) / scale_i)^2 these are the roots of d(d^2)/ds, a
+        quintic between two rows, and the ends of all parts: rows and special points.
+        """
+        stationary = np.zeros((6, len(self.arclength) - 1))  # coefficients, highest power first
+        for axis, spline in enumerate(self.splines):
+            away, slope = spline.c.copy(), spline.derivative().c
+            away[-1] -= point[axis]
+            for power, coefficient in enumerate(slope):
+                stationary[power : power + 4] += away * coefficient / scale[axis] ** 2
+        roots = _finite(PPoly(stationary, self.arclength).roots(extrapolate=False))
+        return np.unique(np.concatenate([roots, self.stretches()]))
+
     def unstable_at(self, arclength: float) -> int:
         """Number of multipliers outside the circle besides the critical ones.
 
         Between two rows that differ, and without a located special point to tell where, the smaller number:
         it calls more of the curve a boundary of stability.
         """
-        before, behind = self._neighbours(arclength)
-        return int(min(self.unstable[before], self.unstable[behind]))
+        return min(self.possibly_unstable_at(arclength))
+
+    def possibly_unstable_at(self, arclength: float) -> frozenset[int]:
+        """The same number; two where the rows around differ and no special point tells where."""
+        return frozenset(int(self.unstable[row]) for row in self._neighbours(arclength))
 
     def criticality_at(self, arclength: float) -> str:
         """Type of the bifurcation; "unset" where the rows on both sides differ."""
@@ -121,9 +149,28 @@ class BifurcationCurve:
             return row, row
         return (row + 1, row + 1) if len(inside) and arclength > inside[-1] else (row, row + 1)
 
+    def regularised(self) -> list[tuple[float, float]]:
+        """Intervals of the arclength between neighbouring rows of which one has regularised clipping."""
+        smooth = self.clipping_width > 0.0
+        between = np.concatenate([[False], smooth[1:] | smooth[:-1], [False]])
+        starts, ends = (np.flatnonzero(np.diff(between.astype(int)) == sign) for sign in (1, -1))
+        return [
+            (float(self.arclength[i]), float(self.arclength[j])) for i, j in zip(starts, ends, strict=True)
+        ]
+
     def stretches(self) -> Array:
         """Arclengths (m,) of the rows and special points; the kind is constant between two of them."""
         return np.unique(np.concatenate([self.arclength, self.special]))
+
+
+def curves_of_plane(groups: Iterable[Group], parameters: Sequence[str]) -> tuple[BifurcationCurve, ...]:
+    """The curves over two parameters among ``groups``, of cycles of the excitation period alone."""
+    read = [
+        read_curve(local_name(group.name), group.labelled(), group.attributes)
+        for group in groups
+        if list(group.attributes["parameters"]) == list(parameters)
+    ]
+    return tuple(curve for curve in read if curve is not None and curve.turns == 1)
 
 
 def read_curve(
@@ -161,6 +208,7 @@ def read_curve(
         criticality=np.asarray(arrays.get("criticality", np.full(count, UNKNOWN)), dtype=np.str_),
         angle=np.asarray(arrays.get("angle", np.full(count, np.nan)), dtype=np.float64),
         special=_special(arrays, names, arclength, points),
+        clipping_width=np.asarray(arrays.get("clipping_width", np.zeros(count)), dtype=np.float64),
     )
     return curve
 

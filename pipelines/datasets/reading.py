@@ -118,24 +118,30 @@ def _read(store: Store, group: str, metadata: GroupMetadata, array: ArrayLayout)
 def describe(store: Store | Path | str) -> dict[str, Any]:
     """The content of a store as plain data.
 
-    Root attributes, and for each case its groups with their status and the ``reason`` and ``advice`` of
-    every stage that failed (see `pipelines.datasets.failures`).
+    Root attributes, and for each case its scales, its groups with their status, and the ``reason`` and
+    ``advice`` of every stage that failed (see `pipelines.datasets.failures`).
 
     Only metadata are read. A group has ``kind``, ``status``, ``stop_reason``, ``stop_advice``, ``n_points``,
     ``capacity``, ``n_events`` and ``speeds_without_equilibrium`` (None where it has no such thing), and that
     of `agfb criticals` its ``condensation_error`` and ``caution``.
     """
     opened = store if isinstance(store, Store) else open_for_reading(store)
-    cases = {case: _describe_case(opened, case) for case in list_cases(opened)}
+    cases = {case: describe_case(opened, case) for case in list_cases(opened)}
     hidden = ("kind", "attributes_crc32c", "Conventions")
     root = {key: value for key, value in opened.attributes.items() if key not in hidden}
     return {"path": str(opened.path), "attributes": root, "cases": cases}
 
 
-def _describe_case(store: Store, case: str) -> dict[str, Any]:
+def describe_case(store: Store, case: str) -> dict[str, Any]:
+    """The groups and the failures of a case, as in `describe`."""
     groups = {local_name(group): _describe_group(store, group) for group in list_groups(store, case)}
     attributes = case_attributes(store, case)
-    return {"name": attributes.get("name", case), "groups": groups, "failures": attributes.get(FAILURES, {})}
+    return {
+        "name": attributes.get("name", case),
+        "scales": attributes.get("scales"),
+        "groups": groups,
+        "failures": attributes.get(FAILURES, {}),
+    }
 
 
 _CONDENSATION = ("condensation_error", "caution")  # by `agfb criticals`

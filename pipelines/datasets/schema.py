@@ -103,8 +103,8 @@ def _count(name: str, dimensions: str, long_name: str) -> ArraySpec:
     return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "int32")
 
 
-def _flag(name: str, dimensions: str, long_name: str, *meanings: str) -> ArraySpec:
-    return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "int8", meanings)
+def _flag(name: str, dimensions: str, long_name: str, *meanings: str, padded: bool = False) -> ArraySpec:
+    return ArraySpec(name, tuple(dimensions.split()), long_name, "1", "int8", meanings, padded)
 
 
 # Films are measured by their own bearing; the rotor, and all times, by the first one.
@@ -146,6 +146,19 @@ def _extremes(over: str) -> tuple[ArraySpec, ...]:
         _real("orbit_maximum", "point coordinate", f"largest value over {over}, {ROTOR}"),
         _real("minimum_pressure", "point bearing", f"smallest film pressure over {over}, over ambient"),
         _real("minimum_film", "point bearing", f"smallest film thickness over {over}, {OWN}"),
+    )
+
+
+def _damping_of(dimensions: str) -> tuple[ArraySpec, ...]:
+    """How fast oscillations along some dimensions die out."""
+    return (
+        _real(
+            "logarithmic_decrement",
+            dimensions,
+            "logarithmic decrement -2 pi Re lambda / Im lambda; negative: unstable",
+            padded=True,
+        ),
+        _real("damping_ratio", dimensions, "damping ratio -Re lambda / |lambda|", padded=True),
     )
 
 
@@ -216,6 +229,16 @@ LINEAR = GroupSpec(
             "eigenvalues", "speed eigenvalue", "leading eigenvalues of the linearised system", padded=True
         ),
         _real("eigenvalue_residual", "speed eigenvalue", "norm of J v - lambda v for unit v", padded=True),
+        *_damping_of("speed eigenvalue"),
+        _flag(
+            "direction",
+            "speed eigenvalue",
+            "whirl direction of the eigenvector; unset where it does not oscillate",
+            "backward",
+            "forward",
+            "mixed",
+            padded=True,
+        ),
         _real("whirl_ratio", "whirl_ratio", "whirl frequency over rotating speed"),
         _real(
             "bearing_stiffness",
@@ -233,13 +256,79 @@ LINEAR = GroupSpec(
     row="speed",
 )
 
+OPERATING_POINT = GroupSpec(
+    "operating_point",
+    "The machine at its operating speed: static deflection, bearings and modes",
+    (
+        _real(
+            "deflection",
+            "node axis",
+            "static displacement (x, y) of the shaft nodes from the line of the bearings' centres",
+            "m",
+        ),
+        _count("bearing_node", "bearing", "node of the bearing"),
+        _real("reaction", "bearing axis", "force (x, y) of the film on the rotor", "N"),
+        _real("journal", "bearing axis", f"journal centre (x, y) {OWN}"),
+        _real("eccentricity", "bearing", f"distance of the journal centre from that of the bearing, {OWN}"),
+        _real(
+            "attitude_angle",
+            "bearing",
+            "angle from the load to the journal centre, positive in the direction of rotation",
+            "rad",
+        ),
+        _real("minimum_film", "bearing", "smallest film thickness", "m"),
+        _real("stiffness", "bearing row column", "stiffness of film and foil for synchronous whirl", "N/m"),
+        _real("damping", "bearing row column", "damping of film and foil for synchronous whirl", "N s/m"),
+        _complex("eigenvalue", "mode", "eigenvalue of the mode"),
+        _real("frequency_hertz", "mode", "frequency Im lambda", "Hz"),
+        _real("frequency_rpm", "mode", "frequency Im lambda", "rpm"),
+        *_damping_of("mode"),
+        _flag("direction", "mode", "whirl direction", "backward", "forward", "mixed"),
+        _complex("mode_shape", "mode node axis", "mode shape (x, y) at all shaft nodes, largest component 1"),
+    ),
+)
+
+COEFFICIENTS = GroupSpec(
+    "coefficients",
+    "Stiffness and damping of the bearings over rotating speed and whirl frequency",
+    (
+        _real("speed", "speed", "rotating speed, dimensionless"),
+        _real("speed_rpm", "speed", "rotating speed", "rpm"),
+        _real("frequency", "frequency", "whirl frequency, dimensionless"),
+        _real("frequency_hertz", "frequency", "whirl frequency", "Hz"),
+        _real(
+            "state",
+            "speed component",
+            "equilibrium state: pressures and foil displacements of both bearings, rotor",
+        ),
+        _real("journal", "speed bearing axis", f"journal centre (x, y) {OWN}"),
+        _real(
+            "stiffness",
+            "speed frequency bearing row column",
+            "stiffness K of film and foil over p0 R L / c of the bearing itself",
+        ),
+        _real(
+            "damping",
+            "speed frequency bearing row column",
+            "damping C of film and foil over p0 R L t0 / c, R, L and c of the bearing itself, t0 of the "
+            "first one",
+        ),
+        _real("stiffness_unit", "bearing", "p0 R L / c of the bearing", "N/m"),
+        _real("damping_unit", "bearing", "p0 R L t0 / c of the bearing", "N s/m"),
+        _count("bearing_node", "bearing", "node of the bearing"),
+        _count("newton_iterations", "speed", "Newton iterations of the equilibrium"),
+        _real("newton_residual", "speed", "norm of the right-hand side at the equilibrium"),
+    ),
+    row="speed",
+)
+
 CRITICALS = GroupSpec(
     "criticals",
     "Critical speeds, Campbell data, predicted resonances, and the full against the condensed rotor",
     (
         _real("speed", "speed", "rotating speed, dimensionless"),
         _real("frequency", "speed mode", "whirl frequency Im lambda", padded=True),
-        _real("damping_ratio", "speed mode", "damping ratio -Re lambda / |lambda|", padded=True),
+        *_damping_of("speed mode"),
         _flag("direction", "speed mode", "whirl direction", "backward", "forward", "mixed"),
         _real("critical_speed", "critical", "speed at which Im lambda equals the rotating speed"),
         _real("critical_damping_ratio", "critical", "damping ratio at the critical speed"),
@@ -295,7 +384,16 @@ CRITICALS = GroupSpec(
             "checked_mode",
             "relative error of the frequency of the condensed rotor, 1 where it has no such mode",
         ),
+        _real("support_stiffness", "support", "stiffness of both bearings in the critical speed map", "N/m"),
+        _real("map_forward", "support map_mode", "undamped critical speed of forward whirl", padded=True),
+        _real("map_backward", "support map_mode", "undamped critical speed of backward whirl", padded=True),
         _real("unbalance_speed", "unbalance", "speeds of the unbalance response"),
+        _real(
+            "direct_stiffness",
+            "unbalance bearing axis",
+            "stiffness Kxx, Kyy of the bearings for synchronous whirl",
+            "N/m",
+        ),
         _count("response_node", "response", "node at which the unbalance response is taken"),
         _real("unbalance_full", "unbalance response", f"unbalance response amplitude {FIRST}, full rotor"),
         _real(
@@ -469,6 +567,28 @@ TORI = GroupSpec(
         _count("newton_iterations", "point", "Newton-Picard iterations"),
         _count("steps_per_period", "point", "time steps of one period"),
         _real("step_error", "point", "estimated error of an image by the time steps (implicit stepper only)"),
+        _flag(
+            "event_kind",
+            "event",
+            "bifurcation of the torus: fold is a quasi-periodic saddle-node, hopf adds a frequency",
+            "fold",
+            "branch_point",
+            "period_doubling",
+            "hopf",
+            "unknown",
+        ),
+        _count("event_after_point", "event", "index of the last point before the event"),
+        _real("event_arclength", "event", "arclength from the first point"),
+        _real("event_speed", "event", "rotating speed at the event"),
+        _real("event_excitation_frequency", "event", f"excitation frequency at the event{NONE}"),
+        _real("event_displacement", "event", "ring displacement at the event"),
+        _real("event_foil_stiffness", "event", f"foil stiffness at the event, {FOIL}"),
+        _real("event_rotation", "event", "turn of the second angle in a period at the event", "rad"),
+        _real("event_section", "event angle component", "the section at the event", padded=True),
+        _count("event_angle_count", "event", "number of angles of the section at the event"),
+        _real("event_moduli", "event multiplier", "moduli of the multipliers at the event", padded=True),
+        _flag("event_stability", "event", "what the torus does along the branch", "lost", "gained"),
+        _real("event_residual", "event", "test function at the located event"),
         _real("tangent", "slot angle component", "unit tangent of the branch: section", padded=True),
         _real("tangent_rotation", "slot", "the same: rotation"),
         _real("tangent_parameter", "slot", "the same: continued parameter"),
@@ -530,6 +650,27 @@ CURVE = GroupSpec(
             "estimated error of the multipliers by the time steps; unknown where missing",
         ),
         _real(
+            "clipping_width",
+            "point",
+            "half width over ambient pressure of the regularised clipping with which the point was computed; "
+            "0: as the case says",
+        ),
+        _real(
+            "width_effect",
+            "point",
+            "distance of the point from the curve without regularisation, measured or estimated, in the "
+            "plane of the free parameters (a foil stiffness over that of the case); unknown where missing",
+        ),
+        _real(
+            "grazing_gauge",
+            "point",
+            "stationary pressure, over angle and time, that is nearest to ambient: its excess over ambient; "
+            "none (NaN) where no film has gumbel clipping",
+        ),
+        _count("grazing_bearing", "point", "bearing of grazing_gauge"),
+        _real("grazing_angle", "point", "circumferential coordinate of grazing_gauge", "rad"),
+        _real("grazing_phase", "point", "phase of the excitation of grazing_gauge", "rad"),
+        _real(
             "directions",
             "slot direction extended",
             "tangent, normal, gradient of the test function and bend of the curve at the newest point: "
@@ -579,6 +720,20 @@ CURVE = GroupSpec(
         ),
         _real("event_angle", "event", "argument of the critical multiplier", "rad"),
         _real("event_residual", "event", "test function at the located special point"),
+        _flag(
+            "event_tongue",
+            "event",
+            "side of the tongue at R1 or R2 of a Neimark-Sacker curve: it ends at the near side and goes on "
+            "from the far side, but across one that the error of the multipliers hides (unresolved)",
+            "near_side",
+            "far_side",
+            "unresolved",
+        ),
+        _real(
+            "event_width",
+            "event",
+            "width of that tongue in the plane: a bound if unresolved, a guess if it has no far side",
+        ),
     ),
     row="point",
     coordinates=("speed", "excitation_frequency", "displacement", "foil_stiffness"),
@@ -620,6 +775,9 @@ SURVEY = GroupSpec(
         ),
         _real("growth_rate", "line cell", "largest growth rate ln|mu| / T beside the cycle, dimensionless"),
         _complex("multiplier", "line cell", "Floquet multiplier mu of the largest modulus"),
+        _complex(
+            "nearest_multiplier", "line cell", "Floquet multiplier with the modulus nearest to 1, as ln|mu|"
+        ),
         _flag(
             "bifurcation",
             "line cell",
@@ -637,6 +795,48 @@ SURVEY = GroupSpec(
     ),
     row="line",
     coordinates=("across",),
+)
+
+VERDICTS = ("agrees", "disagrees", "not_decided")
+
+
+def _verdict(name: str, dimensions: str, long_name: str) -> ArraySpec:
+    return _flag(name, dimensions, long_name, *VERDICTS)
+
+
+def _of_places(prefix: str, dimensions: str, places: str) -> tuple[ArraySpec, ...]:
+    """What is found and expected at some places of a certificate."""
+    return (
+        _count(
+            f"{prefix}found", dimensions, f"multipliers outside the unit circle at the {places}; -1: open"
+        ),
+        _count(
+            f"{prefix}expected",
+            dimensions,
+            "the same as the curves tell it from the places beside; -1 where they do not",
+        ),
+        _verdict(f"{prefix}verdict", dimensions, f"whether the curves explain what is found at the {places}"),
+        _complex(
+            f"{prefix}nearest", dimensions, "Floquet multiplier with the modulus nearest to 1, as ln|mu|"
+        ),
+    )
+
+
+CERTIFICATE = GroupSpec(
+    "certificate",
+    "Whether the bifurcation curves explain the stability that was found at points of their plane",
+    (
+        _real("along", "cell", "the first of the attribute parameters at the cells of the survey"),
+        _real("across", "line", "the other parameter on the lines of the survey"),
+        *_of_places("", "line cell", "cells"),
+        _verdict("pair_along", "line gap_along", "the same for a cell and the next one on its line"),
+        _verdict("pair_across", "gap_across cell", "the same for a cell and the one on the next line"),
+        _real("point_along", "point", "the first parameter at random points"),
+        _real("point_across", "point", "the other parameter at random points"),
+        *_of_places("point_", "point", "random points"),
+        _flag("asked_parameter", "asked", "parameter along a line that the search shall add", *PARAMETERS),
+        _real("asked_fixed", "asked", "value of the other parameter on this line"),
+    ),
 )
 
 REFINEMENT = GroupSpec(
@@ -906,6 +1106,8 @@ KINDS: Mapping[str, GroupSpec] = {
     for group in (
         MACHINE,
         LINEAR,
+        OPERATING_POINT,
+        COEFFICIENTS,
         CRITICALS,
         UNBALANCE_RESPONSE,
         CYCLES,
@@ -913,6 +1115,7 @@ KINDS: Mapping[str, GroupSpec] = {
         CURVE,
         BIFURCATION_SET,
         SURVEY,
+        CERTIFICATE,
         REFINEMENT,
         CALIBRATION,
         TRANSIENT,

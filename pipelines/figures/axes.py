@@ -54,6 +54,11 @@ class ParameterAxis:
         return float(getattr(scales, self.scale)), label
 
     @property
+    def unit(self) -> str:
+        """Unit of the dimensional axis."""
+        return self.dimensional_label.rpartition("[")[2].removesuffix("]")
+
+    @property
     def label(self) -> str:
         """Title and symbol, for the dimensionless axis."""
         return f"{self.title} {self.symbol} [–]"
@@ -82,11 +87,11 @@ def add_parameter_axis(
         add_top(axes, *axis.dimensional(scales))
 
 
-def add_top(axes: Axes, factor: float, label: str) -> None:
+def add_top(axes: Axes, factor: float, label: str, ticks: int = TICKS) -> None:
     """Second x axis: ``factor`` times the first."""
     second = axes.secondary_xaxis("top", functions=_proportional(factor))
     second.set_xlabel(label)
-    second.xaxis.set_major_locator(MaxNLocator(TICKS))
+    second.xaxis.set_major_locator(MaxNLocator(ticks))
 
 
 def add_right(axes: Axes, factor: float, label: str, place: float = 1.0) -> None:

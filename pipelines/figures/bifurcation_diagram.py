@@ -44,6 +44,8 @@ EVENT_MARKS = {
     "neimark_sacker": EventMark("Neimark–Sacker (NS)", "o", style.PURPLE),
     "branch_point": EventMark("branch point (BP)", "^", style.BLACK),
     "neutral_saddle": EventMark("neutral saddle", "X", style.GREY),
+    "hopf": EventMark("Hopf bifurcation of a torus", "o", style.PURPLE),
+    "unknown": EventMark("bifurcation of a torus", "*", style.BLACK),
     "own_period_doubling": EventMark("period doubling of half the period", "d", style.ORANGE),
 }
 
@@ -101,7 +103,16 @@ def event_neighbours(branch: Table) -> NDArray[np.intp]:
 
 
 def _fraction(branch: Table, before: NDArray[np.intp], beyond: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Position between 0 and 1 of each bifurcation between its two neighbours in state space."""
+    """Position between 0 and 1 of each bifurcation between its two neighbours.
+
+    From the arclength, where the store keeps it, else in state space.
+    """
+    if "event_arclength" in branch:
+        arclength = branch["arclength"]
+        length = arclength[beyond] - arclength[before]
+        return np.asarray(
+            (branch["event_arclength"] - arclength[before]) / np.where(length > 0.0, length, 1.0)
+        )
     state, events = branch["state"], branch["event_state"]
     from_start = np.linalg.norm(events - state[before], axis=1)
     to_end = np.linalg.norm(state[beyond] - events, axis=1)
@@ -138,7 +149,7 @@ def draw_bifurcation_diagram(
             values
             for branch in branches
             for bearing in range(case.bearings)
-            for values in _draw_curve(axes, branch, parameter, quantity(case, branch, bearing), bearing)
+            for values in draw_branch(axes, branch, parameter, quantity(case, branch, bearing), bearing)
         ]
         for branch in branches:
             for bearing in range(case.bearings):
@@ -153,7 +164,7 @@ def draw_bifurcation_diagram(
     bars = [
         bar for branch in branches for bar in event_bars(refinement, branch, parameter) if bar is not None
     ]
-    style.legend_below(figure, _legend(case.bearings, kinds) + legend_handles(bars), 4)
+    style.legend_below(figure, branch_handles(case.bearings, kinds) + legend_handles(bars), 4)
     title = f"{case.name}: limit cycles along the {PARAMETER_AXES[parameter].title}{_progress(branches)}"
     return style.finish(figure, title, case.note)
 
@@ -180,9 +191,10 @@ def largest_eccentricity(case: CaseView, branch: Table, bearing: int) -> NDArray
     return np.asarray(np.hypot(orbit[..., 0], orbit[..., 1]).max(axis=1)[:, None])
 
 
-def _draw_curve(
+def draw_branch(
     axes: Axes, branch: Table, parameter: str, values: NDArray[np.float64], bearing: int
 ) -> list[NDArray[np.float64]]:
+    """Draw ``values`` (point, k) of a branch, as those of a bearing; returns the lines drawn."""
     curve = thread_events(branch, parameter, values)
     draw_threaded(axes, curve, branch, style.bearing_look(bearing))
     return list(curve.values.T)
@@ -219,7 +231,8 @@ def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip([0, *edges.tolist()], [*edges.tolist(), len(flags)], strict=True))
 
 
-def _legend(bearings: int, kinds: set[str]) -> list[Line2D]:
+def branch_handles(bearings: int, kinds: Collection[str]) -> list[Line2D]:
+    """Legend entries of the bearings, of stability, and of some kinds of bifurcations."""
     handles = [
         Line2D([], [], label=f"bearing {bearing + 1}", **style.bearing_look(bearing))
         for bearing in range(bearings)

@@ -9,7 +9,7 @@ from matplotlib import colormaps
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -59,14 +59,7 @@ def draw_campbell(case: CaseView, criticals: Table) -> Figure:
     panels = figure.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
     style.legend_below(panels[0], _draw_frequencies(panels[0].subplots(), case, criticals))
     if shapes:
-        grid = panels[1].subplots(rows, min(SHAPES, shapes), sharex=True, sharey=True, squeeze=False)
-        _draw_shapes(grid.ravel()[:shapes], case, criticals)
-        for axes in grid.ravel()[shapes:]:
-            axes.set_axis_off()
-        for axes in grid[-1]:
-            axes.set_xlabel("along the rotor [mm]")
-        for axes in grid[:, 0]:
-            axes.set_ylabel("mode shape [–]")
+        _draw_shapes(shape_panels(panels[1], shapes), case, criticals)
     if resonances:
         _draw_resonances(panels[-1].subplots(), case, criticals)
     return style.finish(figure, f"{case.name}: Campbell diagram", case.note)
@@ -95,7 +88,7 @@ def _draw_frequencies(axes: Axes, case: CaseView, criticals: Table) -> list[Arti
     top = min(top, 2.0 * float(np.max(speed)))
     axes.plot([0.0, top], [0.0, top], color="#666666", linewidth=0.8, linestyle="-.")
     axes.set_xlim(*limits(speed, 0.0))
-    axes.set_ylim(0.0, 1.04 * top)
+    axes.set_ylim(0.0, top)  # modes are followed up to it: their lines leave at the edge
     ends = np.concatenate([inner_ends(speed, frequency[:, mode], top) for mode in range(frequency.shape[1])])
     axes.plot(*ends.T, **END)
     _mark_criticals(axes, criticals)
@@ -178,23 +171,9 @@ def _mark_criticals(axes: Axes, criticals: Table) -> None:
 
 
 def _draw_shapes(panels: NDArray[np.object_], case: CaseView, criticals: Table) -> None:
-    """Mode shapes in oblique projection: the orbit of every node, and the bent axis at one instant."""
-    position = 1e3 * case.machine["node_position"]
-    bearings = case.machine["bearing_node"]
-    depth = OBLIQUE * float(position[-1] - position[0])
-    turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 49))
     for number, axes in enumerate(panels):
-        shape = largest_deflection(criticals["critical_mode_shape"][number])
         direction = str(criticals["critical_direction"][number])
-        colour = DIRECTION_COLOURS.get(direction, style.GREY)
-        axes.plot(position, np.zeros_like(position), color="#999999", linewidth=0.7)
-        orbits = np.real(shape[:, :, None] * turn)
-        for place, orbit in zip(position, orbits, strict=True):
-            axes.plot(place + depth * orbit[0], orbit[1], color=colour, linewidth=0.5, alpha=0.6)
-        axes.plot(
-            position + depth * orbits[:, 0, 0], orbits[:, 1, 0], color=colour, marker=".", markersize=3.5
-        )
-        axes.plot(position[bearings], np.zeros(len(bearings)), linestyle="none", marker=6, color="#333333")
+        draw_shape(axes, case, criticals["critical_mode_shape"][number], direction)
         speed = float(criticals["critical_speed"][number])
         damping = float(criticals["critical_damping_ratio"][number])
         axes.set_title(
@@ -202,9 +181,38 @@ def _draw_shapes(panels: NDArray[np.object_], case: CaseView, criticals: Table) 
             f"\n{direction}, damping {damping:.3f}",
             fontsize=7.5,
         )
-        axes.set_ylim(-1.15, 1.15)
-        axes.set_yticks((-1.0, 0.0, 1.0))
-        axes.xaxis.set_major_locator(MaxNLocator(4))
+
+
+def draw_shape(axes: Axes, case: CaseView, mode: NDArray[np.complex128], direction: str) -> None:
+    """A mode shape in oblique projection: the orbit of every node, and the bent axis at one instant."""
+    position = 1e3 * case.machine["node_position"]
+    bearings = case.machine["bearing_node"]
+    depth = OBLIQUE * float(position[-1] - position[0])
+    turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 49))
+    shape = largest_deflection(mode)
+    colour = DIRECTION_COLOURS.get(direction, style.GREY)
+    axes.plot(position, np.zeros_like(position), color="#999999", linewidth=0.7)
+    orbits = np.real(shape[:, :, None] * turn)
+    for place, orbit in zip(position, orbits, strict=True):
+        axes.plot(place + depth * orbit[0], orbit[1], color=colour, linewidth=0.5, alpha=0.6)
+    axes.plot(position + depth * orbits[:, 0, 0], orbits[:, 1, 0], color=colour, marker=".", markersize=3.5)
+    axes.plot(position[bearings], np.zeros(len(bearings)), linestyle="none", marker=6, color="#333333")
+    axes.set_ylim(-1.15, 1.15)
+    axes.set_yticks((-1.0, 0.0, 1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(4))
+
+
+def shape_panels(figure: SubFigure, shapes: int) -> NDArray[np.object_]:
+    """Axes for so many mode shapes, row by row, with their outer labels."""
+    rows = -(-shapes // SHAPES)
+    grid = figure.subplots(rows, min(SHAPES, shapes), sharex=True, sharey=True, squeeze=False)
+    for axes in grid.ravel()[shapes:]:
+        axes.set_axis_off()
+    for axes in grid[-1]:
+        axes.set_xlabel("along the rotor [mm]")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("mode shape [–]")
+    return grid.ravel()[:shapes]
 
 
 def largest_deflection(shape: NDArray[np.complex128]) -> NDArray[np.complex128]:

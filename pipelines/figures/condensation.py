@@ -27,13 +27,16 @@ def draw_condensation(case: CaseView, criticals: Table) -> Figure:
     """Full against condensed rotor on the linearised bearings."""
     figure = style.new_figure(5.8)
     grid = figure.add_gridspec(2, 2)
+    frequencies = figure.add_subplot(grid[0, 0])
     _draw_bars(
-        figure.add_subplot(grid[0, 0]),
+        frequencies,
         criticals["full_frequency"],
         criticals["condensed_frequency"],
         r"natural frequency [–]",
         deviation=True,
     )
+    add_right(frequencies, case.scales.hertz, "[Hz]")
+    frequencies.set_title(_near_operation(case, criticals))
     _draw_bars(
         figure.add_subplot(grid[1, 0]),
         criticals["full_decrement"],
@@ -49,6 +52,12 @@ def draw_condensation(case: CaseView, criticals: Table) -> Figure:
     if error is not None:
         title += f", modes below the highest speed up to {100.0 * error:.2g} % off"
     return style.finish(figure, title, case.note)
+
+
+def _near_operation(case: CaseView, criticals: Table) -> str:
+    """At which speed the modes are compared."""
+    speed = criticals.attributes.get("compared_speed")
+    return "" if speed is None else f"at {case.scales.rpm * speed:.0f} rpm, K and C of synchronous whirl"
 
 
 def _draw_bars(axes: Axes, full: FloatArray, condensed: FloatArray, label: str, deviation: bool) -> None:
@@ -113,6 +122,9 @@ def _draw_unbalance(axes: Axes, case: CaseView, criticals: Table) -> list[Line2D
     axes.set_ylabel("unbalance response [–]")
     add_parameter_axis(axes, "speed", case.scales)
     add_right(axes, case.scales.micrometres, "unbalance response [µm]")
+    eccentricity = criticals.attributes.get("unbalance_eccentricity")
+    if eccentricity is not None:
+        axes.set_title(f"unbalance: mass times {1e2 * eccentricity:g} % of the clearance")
     return [
         *(
             Line2D([], [], color=style.CYCLE[(i + 2) % len(style.CYCLE)], label=f"node {n}")

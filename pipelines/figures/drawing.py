@@ -25,12 +25,17 @@ from pipelines.figures.bifurcation_tree import draw_bifurcation_tree
 from pipelines.figures.bode import draw_bode
 from pipelines.figures.campbell import draw_campbell
 from pipelines.figures.case_tables import RUNS, CaseTables, Notify, kind_of, read_case
+from pipelines.figures.certificate import draw_certificate
+from pipelines.figures.coefficients import draw_coefficients
 from pipelines.figures.condensation import draw_condensation
 from pipelines.figures.contents import CaseView, FigurePlan, MissingDataError, Table, excitation_periods
+from pipelines.figures.critical_map import draw_critical_map
 from pipelines.figures.linearization import draw_linearization
 from pipelines.figures.machine_drawing import draw_machine
 from pipelines.figures.multipliers import draw_multipliers
+from pipelines.figures.operating_point import draw_operating_point
 from pipelines.figures.orbits import draw_film, draw_orbits
+from pipelines.figures.polar import draw_polar
 from pipelines.figures.response_envelope import draw_envelope, draw_unbalance
 from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_spectrum, draw_waterfall
 from pipelines.figures.runs import RunView
@@ -45,9 +50,13 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
     {
         "machine": "machine",
         "linearization": "linear",
+        "operating-point": "operating_point",
+        "coefficients": "coefficients",
         "campbell": "criticals",
+        "critical-map": "criticals",
         "condensation": "criticals",
         "bode": "unbalance_response",
+        "polar": "unbalance_response",
         "bifurcation": "cycles",
         "multipliers": "cycles",
         "orbits": "cycles",
@@ -55,6 +64,7 @@ FIGURE_KINDS: Mapping[str, str] = MappingProxyType(
         "tree": "cycles",
         "stability": "curve",
         "survey": "survey",
+        "certificate": "certificate",
         "tori": "tori",
         "section": "tori",
         "envelope": RUNS,
@@ -72,11 +82,14 @@ BESIDE: Mapping[str, Collection[str]] = MappingProxyType(
         "bifurcation": ("refinement",),
         "stability": ("criticals", "bifurcation_set", "operating_range", "refinement"),
         "survey": ("curve",),
+        "certificate": ("curve",),
         "tori": ("cycles",),
         "envelope": ("transient", "cycles"),
         **dict.fromkeys(("unbalance", "waterfall", "spectrum", "poincare", "modal-energy"), ("transient",)),
     }
 )
+ON_REQUEST = frozenset({"changes"})
+"""Kinds that are drawn only where they are asked for."""
 ALL_KINDS = (*FIGURE_KINDS, *JOINT_KINDS, *TABLE_KINDS)
 
 
@@ -180,7 +193,7 @@ def _planned(
         found = [case for case in read if case is not None]
         for plan in joint_plans(found, joint, notify if asked else _ignore):
             yield Path(plan.stem), plan
-    of_table = [kind for kind in kinds if kind in TABLE_KINDS]
+    of_table = [kind for kind in kinds if kind in TABLE_KINDS and (asked or kind not in ON_REQUEST)]
     if of_table and (asked or len(chosen) > 1):
         for plan in _table_plans(opened, chosen, of_table, notify if asked else _ignore, damaged):
             yield Path(plan.stem), plan
@@ -223,6 +236,7 @@ def _plans(
         *_run_plans(view, held.runs, list(branches.values())),
         *_map_plans(held),
         *_survey_plans(held),
+        *_certificate_plans(held),
         *_torus_plans(view, held.of_kind("tori"), branches),
     ]
     if asked and "tree" in own and branches and not any(plan.kind == "tree" for plan in plans):
@@ -247,12 +261,21 @@ def _single_plans(view: CaseView, kind: str, groups: Mapping[str, Table]) -> lis
     if kind == "machine":
         return [FigurePlan("machine", "machine", partial(draw_machine, view))]
     if kind == "criticals":
+        critical_map = FigurePlan("critical-map", "critical-map", partial(draw_critical_map, view, table))
         return [
             FigurePlan("campbell", "campbell", partial(draw_campbell, view, table)),
+            *([critical_map] if "support_stiffness" in table else []),
             FigurePlan("condensation", "condensation", partial(draw_condensation, view, table)),
         ]
+    if kind == "operating_point":
+        return [FigurePlan("operating-point", "operating-point", partial(draw_operating_point, view, table))]
+    if kind == "coefficients":
+        return [FigurePlan("coefficients", "coefficients", partial(draw_coefficients, view, table))]
     if kind == "unbalance_response":
-        return [FigurePlan("bode", "bode", partial(draw_bode, view, table, groups.get("linear")))]
+        return [
+            FigurePlan("bode", "bode", partial(draw_bode, view, table, groups.get("linear"))),
+            FigurePlan("polar", "polar", partial(draw_polar, view, table)),
+        ]
     if kind == "linear":
         draw = partial(draw_linearization, view, table)
         return [
@@ -323,13 +346,22 @@ def _torus_plans(view: CaseView, tori: Mapping[str, Table], cycles: Mapping[str,
 def _map_plans(case: CaseTables) -> list[FigurePlan]:
     """A map for every pair of parameters over which there are curves."""
     plans = []
-    for plane in sorted({same_plane(curve) for curve in case.curves.values()}, key=sorted):
-        inside = {name: curve for name, curve in case.curves.items() if same_plane(curve) == plane}
-        content = PlaneView.of(inside, case.single)
-        started = any(len(curve["speed"]) for curve in inside.values())
+    for content in planes_of(case):
+        started = any(len(curve["speed"]) for curve in content.tables.values())
         draw = partial(draw_stability_map, case.view, content) if started else _nothing_yet(case.view)
         plans.append(FigurePlan("stability", map_stem("stability-map", content.x, content.y), draw))
     return plans
+
+
+def planes_of(case: CaseTables) -> list[PlaneView]:
+    """The planes of two parameters over which a case has curves."""
+    planes = sorted({same_plane(curve) for curve in case.curves.values()}, key=sorted)
+    return [
+        PlaneView.of(
+            {name: curve for name, curve in case.curves.items() if same_plane(curve) == plane}, case.single
+        )
+        for plane in planes
+    ]
 
 
 def _survey_plans(case: CaseTables) -> list[FigurePlan]:
@@ -340,6 +372,15 @@ def _survey_plans(case: CaseTables) -> list[FigurePlan]:
     draw = partial(draw_survey, case.view, table, case.curves)
     started = len(table["across"]) > 0
     return [FigurePlan("survey", "survey", draw if started else _nothing_yet(case.view))]
+
+
+def _certificate_plans(case: CaseTables) -> list[FigurePlan]:
+    """The newest certificate; those before it asked for lines that have been added since."""
+    found = case.of_kind("certificate")
+    if not found:
+        return []
+    draw = partial(draw_certificate, case.view, found[max(found)], case.curves)
+    return [FigurePlan("certificate", "certificate", draw)]
 
 
 def _run_plans(view: CaseView, runs: Sequence[RunView], branches: Sequence[Table]) -> list[FigurePlan]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from pipelines.figures import style
@@ -20,6 +22,14 @@ LEAST_DISC_WIDTH = 0.012  # of the rotor length: a disc has no width in the mode
 HOUSING = 0.55  # height of a bearing block over the journal radius
 MOST_NUMBERED = 40  # with more nodes than this only the masters are numbered
 MILLIMETRES = 1e3
+CENTRE: dict[str, Any] = {
+    "marker": "P",
+    "linestyle": "none",
+    "markersize": 8,
+    "markerfacecolor": "white",
+    "markeredgecolor": style.BLACK,
+    "zorder": 6,
+}
 
 
 @style.in_style
@@ -44,9 +54,28 @@ def draw_machine(case: CaseView) -> Figure:
     axes.set_ylim(-1.6 * reach, 1.55 * reach)
     axes.set_aspect("equal")
     axes.set(xlabel="along the rotor [mm]", ylabel="radius [mm]")
-    axes.set_yticks([-reach, 0.0, reach], [f"{reach:.3g}", "0", f"{reach:.3g}"])
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_formatter(lambda radius, _: f"{abs(radius):g}")
+    _draw_centre_of_gravity(axes, machine)
     style.legend_below(figure, _legend(machine), 4)
-    return style.finish(figure, f"{case.name}: rotor and bearings to scale", case.note)
+    return style.finish(figure, f"{case.name}: rotor and bearings to scale{_properties(machine)}", case.note)
+
+
+def _properties(machine: Table) -> str:
+    """Mass, centre of gravity and inertia as a second line of the title; "" in a store without them."""
+    rotor = machine.attributes.get("rotor")
+    if rotor is None:
+        return ""
+    return (
+        f"\n{rotor['mass']:.4g} kg, centre of gravity at {MILLIMETRES * rotor['centre_of_gravity']:.4g} mm, "
+        f"$I_d$ = {rotor['diametral_inertia']:.3g} kg m², $I_p$ = {rotor['polar_inertia']:.3g} kg m²"
+    )
+
+
+def _draw_centre_of_gravity(axes: Axes, machine: Table) -> None:
+    rotor = machine.attributes.get("rotor")
+    if rotor is not None:
+        axes.plot(MILLIMETRES * rotor["centre_of_gravity"], 0.0, **CENTRE)
 
 
 def _reach(machine: Table) -> float:
@@ -115,7 +144,9 @@ def _draw_bearing(axes: Axes, machine: Table, bearing: int) -> None:
         axes.plot(
             [centre - 0.5 * length, centre + 0.5 * length], [sign * radius] * 2, color=style.BLUE, zorder=3
         )
-    axes.text(centre, (1.0 + HOUSING) * radius, f"B{bearing + 1}", ha="center", va="bottom", fontsize=7.5)
+    loads = machine.attributes.get("rotor", {}).get("bearing_loads", ())
+    label = f"B{bearing + 1}" + (f", {loads[bearing]:.4g} N" if len(loads) else "")
+    axes.text(centre, (1.0 + HOUSING) * radius, label, ha="center", va="bottom", fontsize=7.5)
 
 
 def _draw_supports(axes: Axes, machine: Table, position: NDArray[np.float64], reach: float) -> None:
@@ -246,4 +277,6 @@ def _legend(machine: Table) -> list[Line2D | Patch]:
                 label=label,
             )
         )
+    if "rotor" in machine.attributes:
+        handles.append(Line2D([], [], label="centre of gravity", **CENTRE))
     return handles

@@ -79,7 +79,7 @@ def draw_envelope(case: CaseView, run: RunView, branches: Sequence[Table]) -> Fi
     figure = style.new_figure(1.3 + 2.1 * rows)
     panels = np.atleast_1d(figure.subplots(rows, 1, sharex=True))
     for bearing in range(case.bearings):
-        _draw_chart(panels[bearing], case, run, cycles, bearing)
+        draw_chart(panels[bearing], case, run, cycles, bearing)
         panels[bearing].set_title(bearing_title(bearing))
     if cycles:
         _draw_moduli(panels[-1], cycles)
@@ -87,7 +87,7 @@ def draw_envelope(case: CaseView, run: RunView, branches: Sequence[Table]) -> Fi
     panels[0].set_xlim(*limits(run.along("window"), 0.01))
     label_along(panels[0], run.over_speed, case.scales, bottom=False)
     label_along(panels[-1], run.over_speed, case.scales, top=False)
-    style.legend_below(figure, _legend([run], cycles), 4)
+    style.legend_below(figure, envelope_handles([run], cycles), 4)
     return style.finish(figure, f"{case.name}: envelope of {run.title}", case.note)
 
 
@@ -103,7 +103,7 @@ def draw_envelopes(charts: Sequence[Chart], title: str) -> Figure:
     following = iter(panels)
     for chart in charts:
         axes = next(following)
-        _draw_chart(axes, chart.case, chart.run, chart.cycles, 0)
+        draw_chart(axes, chart.case, chart.run, chart.cycles, 0)
         axes.set_title(f"{chart.label}: {bearing_title(0)}")
         if chart.cycles:
             _draw_moduli(next(following), chart.cycles)
@@ -112,11 +112,13 @@ def draw_envelopes(charts: Sequence[Chart], title: str) -> Figure:
     scales = charts[0].case.scales
     label_along(panels[0], True, scales, bottom=False, top=all(c.case.scales == scales for c in charts))
     label_along(panels[-1], True, scales, top=False)
-    style.legend_below(figure, _legend(runs, [branch for chart in charts for branch in chart.cycles]), 4)
+    style.legend_below(
+        figure, envelope_handles(runs, [branch for chart in charts for branch in chart.cycles]), 4
+    )
     return style.finish(figure, title, charts[0].case.note)
 
 
-def _draw_chart(axes: Axes, case: CaseView, run: RunView, cycles: Sequence[Table], bearing: int) -> None:
+def draw_chart(axes: Axes, case: CaseView, run: RunView, cycles: Sequence[Table], bearing: int) -> None:
     """The envelope of a transient in one bearing over the envelopes of the cycles."""
     values = [*_draw_run(axes, run, bearing, style.SKY, 0.55)]
     values += [value for branch in cycles for value in _draw_cycles(axes, case, branch, bearing)]
@@ -164,7 +166,8 @@ def _draw_moduli(axes: Axes, branches: Sequence[Table]) -> None:
     axes.set_ylabel(r"$|\mu|$")
 
 
-def _legend(runs: Sequence[RunView], cycles: Sequence[Table]) -> list[Patch | Line2D]:
+def envelope_handles(runs: Sequence[RunView], cycles: Sequence[Table]) -> list[Patch | Line2D]:
+    """Legend entries of transients and of the cycles under them."""
     unbalances = {run.unbalance for run in runs}
     label = f"time integration, {unbalances.pop()}" if len(unbalances) == 1 else "time integration"
     handles: list[Patch | Line2D] = [Patch(color=style.SKY, alpha=0.55, label=label)]

@@ -96,8 +96,10 @@ class RunView:
 
     @property
     def title(self) -> str:
-        """Name, unbalance and speeds."""
-        return f"run {self.name}, {self.unbalance}, {self.speed_text}"
+        """Name, unbalance and speeds, and why the run ended early."""
+        reason = self.run.attributes.get("stop_reason")
+        early = f", ended early: {reason}" if reason in ENDED_EARLY else ""
+        return f"run {self.name}, {self.unbalance}, {self.speed_text}{early}"
 
     @property
     def motion(self) -> str:
@@ -126,5 +128,6 @@ def bearing_title(bearing: int) -> str:
     return f"bearing {bearing + 1}"
 
 
+ENDED_EARLY = ("touch", "vacuum", "newton")  # reasons in the store that end a run before its time
 AXIS_LABELS = (r"horizontal $\bar{x}_j$ [–]", r"vertical $\bar{y}_j$ [–]")
 AXIS_COLOURS = (style.VERMILION, style.BLUE)

@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 from pipelines.datasets.case_table import DIMENSIONAL, CaseTable, Column, short_titles
 from pipelines.figures import style
 from pipelines.figures.case_tables import Notify
+from pipelines.figures.changes import change_panels, draw_changes
 from pipelines.figures.contents import FigurePlan
 
 Array = NDArray[np.float64]
 
-TABLE_KINDS = ("tornado", "scatter")
+TABLE_KINDS = ("tornado", "scatter", "changes")
 MOST_OUTPUTS = 6  # panels of a tornado
 MOST_VARIABLES = 8  # rows of a scatter matrix
 LOW, HIGH = style.SKY, style.VERMILION
@@ -196,10 +197,14 @@ def _write_correlation(axes: Axes, x: Array, y: Array) -> None:
 
 def table_plans(table: CaseTable, kinds: Collection[str], note: str, notify: Notify) -> Iterator[FigurePlan]:
     """The figures of the table of some cases; ``notify`` receives why one of ``kinds`` cannot be drawn."""
+    if "changes" in kinds:
+        yield from _changes(table, note, notify)
+    kinds = [kind for kind in kinds if kind != "changes"]
     inputs, outputs = quantities(varying(table.inputs)), quantities(shown_outputs(table))
     missing = "key with numbers in which they differ" * (not inputs) or "result that differs" * (not outputs)
-    if missing:
+    if missing and kinds:
         notify(f"{' and '.join(kinds)} left out: the chosen cases have no {missing}")
+    if missing:
         return
     if "tornado" in kinds:
         panels = list(tornado_panels(table))
@@ -215,3 +220,11 @@ def table_plans(table: CaseTable, kinds: Collection[str], note: str, notify: Not
             yield FigurePlan("scatter", "scatter", partial(draw_scatter, inputs, outputs[:room], note))
         else:
             notify(f"scatter is left out: {len(inputs)} inputs differ; it shows at most {MOST_VARIABLES - 1}")
+
+
+def _changes(table: CaseTable, note: str, notify: Notify) -> Iterator[FigurePlan]:
+    panels = change_panels(table)
+    if panels:
+        yield FigurePlan("changes", "changes", partial(draw_changes, panels, note))
+    else:
+        notify("changes is left out: the chosen cases differ in no key, or have no branch along the speed")

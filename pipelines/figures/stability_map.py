@@ -96,15 +96,13 @@ def map_stem(figure: str, x: str, y: str) -> str:
 def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False) -> Figure:
     """Curves of bifurcations: solid if supercritical, dashed if subcritical, dotted if not known.
 
-    Pale: the cycle is unstable on both sides. Thin: of cycles of two and more excitation periods.
+    Pale: the cycle is unstable on both sides. Thin: of cycles of two and more excitation periods. In a band:
+    of regularised clipping.
     ``scan_lines``: the branches that searched the plane as a light grid.
     """
     figure = style.new_figure(6.9)
     axes = figure.subplots()
-    axes.grid(False)
-    axes.set(xlim=view.ranges[view.x], ylim=view.ranges[view.y])
-    axes.set(xlabel=PARAMETER_AXES[view.x].label, ylabel=PARAMETER_AXES[view.y].label)
-    handles = [handle for layer in LAYERS for handle in layer(axes, view)]
+    handles = draw_plane(axes, view)
     if scan_lines:
         _draw_scan_lines(axes, view)
     top = _draw_resonances(axes, view, handles)
@@ -114,6 +112,14 @@ def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False
     labels = [Label(_special_name(kind), x, y) for kind, x, y, _ in special_points(view)]
     place_labels(axes, figure.canvas.get_renderer(), labels, _drawn_points(view), LABEL_SIZE)  # type: ignore[attr-defined]
     return figure
+
+
+def draw_plane(axes: Axes, view: PlaneView) -> list[Any]:
+    """Draw the plane with its curves and points on axes; returns the entries of a legend."""
+    axes.grid(False)
+    axes.set(xlim=view.ranges[view.x], ylim=view.ranges[view.y])
+    axes.set(xlabel=PARAMETER_AXES[view.x].label, ylabel=PARAMETER_AXES[view.y].label)
+    return [handle for layer in LAYERS for handle in layer(axes, view)]
 
 
 def _drawn_points(view: PlaneView) -> NDArray[np.float64]:
@@ -192,7 +198,8 @@ def passive_speed(view: PlaneView) -> float | None:
 
 def _draw_passive(axes: Axes, view: PlaneView) -> list[Line2D]:
     value = passive_speed(view)
-    if value is None:
+    low, high = view.ranges[view.y]
+    if value is None or not low <= value <= high:
         return []
     line = axes.axhline(value, color=INK, linewidth=0.9, linestyle=(0, (7, 2, 1.2, 2)), zorder=1.5)
     line.set_label(rf"instability at $\bar{{\delta}}=0$: {value:.4g}")
@@ -205,7 +212,8 @@ def draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     for curve in view.curves:
         for look, points in parts_of(curve, view):
             axes.plot(points[:, 0], points[:, 1], **look.options)
-            looks.append(look)
+            if _inside(points, view):
+                looks.append(look)
     kinds = {look.bifurcation for look in looks}
     handles = [
         Line2D([], [], color=colour, linewidth=1.7, label=label)
@@ -224,6 +232,25 @@ def draw_curves(axes: Axes, view: PlaneView) -> list[Line2D]:
     if any(look.doubled for look in looks):
         handles.append(Line2D([], [], color=INK, linewidth=1.7 * THIN, label="of doubled cycles"))
     return handles
+
+
+def _inside(points: NDArray[np.float64], view: PlaneView) -> bool:
+    """Whether any of the points (n, 2) lies in the drawn plane: the legend names what is seen."""
+    low, high = np.array([view.ranges[view.x], view.ranges[view.y]]).T
+    return bool(np.any(np.all((points >= low) & (points <= high), axis=1)))
+
+
+def _draw_regularised(axes: Axes, view: PlaneView) -> list[Line2D]:
+    """A pale band along the parts of curves that were computed with regularised clipping."""
+    band: dict[str, Any] = {"linewidth": 5.0, "alpha": 0.25, "solid_capstyle": "butt", "zorder": 2.0}
+    found = False
+    for curve in view.curves:
+        for low, high in curve.regularised():
+            rows = np.count_nonzero((curve.arclength >= low) & (curve.arclength <= high))
+            points = curve.at(np.linspace(low, high, SAMPLES * (rows - 1) + 1))[:, view.order(curve)]
+            axes.plot(points[:, 0], points[:, 1], color=CURVE_KINDS[curve.bifurcation][1], **band)
+            found = True
+    return [Line2D([], [], color=INK, label="regularised clipping", **band)] if found else []
 
 
 def incomplete_ends(view: PlaneView) -> list[tuple[str, float, float]]:
@@ -249,12 +276,17 @@ def _draw_incomplete_ends(axes: Axes, view: PlaneView) -> list[Line2D]:
 
 
 def special_points(view: PlaneView) -> list[tuple[str, float, float, bool]]:
-    """Kind, position and whether it was located, of every point of codimension two; shared points once."""
+    """Kind, position and whether it was located, of every point of codimension two; shared points once.
+
+    A tongue that is not resolved counts as not located.
+    """
     found: list[tuple[str, float, float, bool]] = []
     width, height = (float(np.ptp(view.ranges[name])) for name in (view.x, view.y))
     for table in view.tables.values():
         columns = [table.optional(name) for name in ("event_kind", f"event_{view.x}", f"event_{view.y}")]
         located = np.isfinite(table.optional("event_residual"))
+        if (tongue := table.optional("event_tongue")).size:
+            located &= tongue != "unresolved"
         for kind, x, y, ok in zip(*columns, located, strict=True):
             same = (
                 name == kind and abs(x - u) <= ALIKE * width and abs(y - v) <= ALIKE * height
@@ -302,6 +334,7 @@ def _draw_errors(axes: Axes, view: PlaneView) -> list[Line2D]:
 # layer here and its name to drawing.BESIDE.
 LAYERS: tuple[Layer, ...] = (
     draw_curves,
+    _draw_regularised,
     _draw_special_points,
     _draw_incomplete_ends,
     _draw_stable_range,

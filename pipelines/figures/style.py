@@ -203,9 +203,15 @@ def save_figure(figure: Figure, path: Path) -> Path:
         raise ValueError(
             f"cannot draw {path.name}: the format must be one of {', '.join(FORMATS)}, not {kind!r}"
         )
+    drawn = figure_bytes(figure, kind)
+    make_folder(path.parent, durable=False)
+    replace_file(path, drawn, durable=False)
+    return path
+
+
+def figure_bytes(figure: Figure, kind: str) -> bytes:
+    """A figure as PNG, SVG or PDF; equal figures give equal bytes."""
     drawn = BytesIO()
     with styled():
         figure.savefig(drawn, format=kind, metadata=METADATA[kind])
-    make_folder(path.parent, durable=False)
-    replace_file(path, drawn.getbuffer(), durable=False)
-    return path
+    return drawn.getvalue()

@@ -101,7 +101,7 @@ def _legend(bearings: int, tori: Sequence[Table], cycles: Sequence[Table]) -> li
         handles.append(Line2D([], [], label="cycles", **CYCLE_LOOK))
     handles.append(Line2D([], [], label="rotation number", **ROTATION_LOOK))
     handles += _stability_handles(tori)
-    return handles + event_handles({kind for branch in cycles for kind in event_names(branch)})
+    return handles + event_handles({kind for branch in (*cycles, *tori) for kind in event_names(branch)})
 
 
 @style.in_style

@@ -4,7 +4,8 @@ Numbered equations, such as Eq. 1, are those of the paper whose model this is (s
 
 - shaft, condensation, condensation_check, condensation_error: finite-element rotor, its condensation, and
   the error of the condensation
-- rotor_modes, unbalance: linear vibrations of the rotor; the force of its unbalance
+- rotor_modes, critical_map, rotor_properties, unbalance: linear vibrations of the rotor; critical speeds over
+  the support stiffness; its mass and inertia; the force of its unbalance
 - axial, film, film_force: the gas film of one bearing and its force
 - lanes, plain_lanes, vector_lanes: sums over columns side by side, in vector registers where possible, and
   arrays without reference counts

@@ -71,9 +71,9 @@ SCHEMES = {
 class FilmSettings:
     """Dimensionless description of a bearing; lengths across the film in units of its clearance."""
 
-    circumferential: int = 40
-    axial: int = 3
-    scheme: str = "central"
+    circumferential: int = 32
+    axial: int = 4
+    scheme: str = "fourth_order"
     axial_scheme: str = "chebyshev"
     periodic: bool = False
     edge_angle: float = 0.0

@@ -10,6 +10,7 @@
 - shooting: Newton-Picard shooting for cycles
 - time_steps: number of time steps per period, and the error that they leave
 - harmonic_balance, forced_cycle: cycles without a cycle beside them; their leading multipliers
+- grazing: where an orbit touches the ambient pressure without slope
 - hopf_start, machine_cycles: the first cycle beside a Hopf point; the machine as a system, and the shape of
   its cycles
 - equilibria: `equilibrium`, `linear` (coefficients, eigenvalues), `modes`, `campbell`, `critical_speeds`

@@ -100,13 +100,13 @@ def unphysical(shape: CycleShape, minimum_film: float) -> str | None:
     thin, low = int(np.argmin(thickness)), int(np.argmin(pressure))
     if thickness[thin] < minimum_film:
         return (
-            f"the journal touches the foil of bearing {thin}: its film shrinks to {thickness[thin]:.3g} "
+            f"the journal touches the foil of bearing {thin + 1}: its film shrinks to {thickness[thin]:.3g} "
             f"of the clearance (limit {minimum_film:g}); "
             "lower the excitation or the load, or the limit continue_cycles.minimum_film"
         )
     if pressure[low] <= 0.0:
         return (
-            f"the pressure in bearing {low} falls below vacuum ({pressure[low]:.3g} of ambient): "
+            f"the pressure in bearing {low + 1} falls below vacuum ({pressure[low]:.3g} of ambient): "
             "the film grid does not resolve it; raise numerics.circumferential"
         )
     return None

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from pipelines.case.fields import MEASURES
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.case.units import in_both
 from pipelines.datasets.errors import CorruptedError
 from pipelines.datasets.reading import list_groups, metadata_stamp, read_group
 from pipelines.datasets.records import Group
@@ -49,6 +51,11 @@ class Job:
     def report_progress(self, done: int, total: int | None, message: str) -> None:
         """Report how much is done."""
         self.report(Progress(self.stage, self.case_id, done, total, message, self.part))
+
+    def place(self, parameter: str, value: float) -> str:
+        """A value of a parameter in words, in both units: `speed 1.05 (16272 rpm)`."""
+        shown = in_both(MEASURES[parameter], value, self.case.scales.si_per_unit, ".5g")
+        return f"{parameter.replace('_', ' ')} {shown}"
 
     def path(self, group: str) -> str:
         """Full name of one of the case's groups: cycles/b000 -> cases/kb10/cycles/b000."""

@@ -16,7 +16,7 @@ from pipelines.machine.shifted import FORCES, JOURNAL_COORDINATES, machine_facto
 from pipelines.orbits.machine_cycles import machine_system
 from tests.benchmarks.measuring import Measurement
 from tests.benchmarks.rates import cached_multiply_add_rate, multiply_add_rate, seconds_each
-from tests.benchmarks.settings import Settings
+from tests.benchmarks.settings import SCHEME, Settings
 from tests.machines import case
 
 _SHIFT = 0.03  # about that of esdirk5 with fifty steps a period; the work does not depend on it
@@ -104,7 +104,7 @@ def solve_arithmetic(settings: Settings) -> list[Measurement]:
 
 def _solve_seconds(settings: Settings) -> tuple[Machine, float]:
     """A machine at rest and the CPU time [s] of one solve on it."""
-    description = case(settings.default_grid)
+    description = case(settings.default_grid, numerics={"scheme": SCHEME})
     machine = build_machine(description)
     system, parameters = machine_system(machine), parameter_vector(description)
     assert system.shifted is not None

@@ -16,7 +16,7 @@ from pipelines.stages.scheduling.pool import Pool
 from pipelines.stages.scheduling.preparation import prepare_store
 from pipelines.stages.scheduling.tasks import run_stages
 from tests.benchmarks.measuring import Measurement
-from tests.benchmarks.settings import Settings
+from tests.benchmarks.settings import SCHEME, Settings
 
 SMOKE = Path(__file__).parents[2] / "configs/smoke.toml"
 STAGES = ("continue_cycles",)
@@ -37,6 +37,7 @@ def campaign(settings: Settings) -> list[Measurement]:
         f"continue_cycles.max_points={settings.campaign_points}",
         f"numerics.circumferential={circumferential}",
         f"numerics.axial={axial}",
+        f"numerics.scheme={SCHEME}",
     )
     cases = read_cases(SMOKE.read_text(), SMOKE.name, (*overrides, *BRANCH))
     alone = _seconds(cases, 0)

@@ -31,7 +31,7 @@ from pipelines.orbits.time_steps import first_steps, required_steps
 from pipelines.stages.cycles.problem import continuation_options, cycle_problem
 from pipelines.stages.cycles.start import FirstCycle, resting_start
 from tests.benchmarks.measuring import Action, Measurement, growth_exponent, interleaved
-from tests.benchmarks.settings import Grid, Settings
+from tests.benchmarks.settings import SCHEME, Grid, Settings
 from tests.machines import case
 
 Array = NDArray[np.float64]
@@ -64,9 +64,8 @@ class Start:
 
 def prepared(grid: Grid, stepper: str = "esdirk5") -> Start:
     """The machine at ``SPEED`` with the equilibrium in the mean ring as guess of its cycle."""
-    description = case(
-        grid, speed=SPEED, continue_cycles={"range": (1.0, 1.6)}, numerics={"stepper": stepper}
-    )
+    numerics = {"scheme": SCHEME, "stepper": stepper}
+    description = case(grid, speed=SPEED, continue_cycles={"range": (1.0, 1.6)}, numerics=numerics)
     machine = build_machine(description)
     problem = cycle_problem(machine, description)
     found = resting_start(machine, problem)

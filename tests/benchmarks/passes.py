@@ -22,7 +22,7 @@ from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.switching import curve_from_event
 from pipelines.orbits.period_map import PeriodImage, PeriodMap
 from pipelines.orbits.shooting import CycleProblem
-from pipelines.stages.cycles.problem import continuation_options
+from pipelines.stages.cycles.problem import NORMAL_FORM, continuation_options, smooth_maps
 from tests.benchmarks.cycles import SPEED, Start, prepared
 from tests.benchmarks.measuring import Measurement
 from tests.benchmarks.settings import Settings
@@ -96,24 +96,31 @@ class TalliedMap(PeriodMap):
 
 
 def passes_per_point(settings: Settings) -> list[Measurement]:
-    """A branch along the speed with its bifurcations, and the curve through the first of them."""
+    """A branch along the speed with its bifurcations, and the curve through the first of them.
+
+    The curve without and with normal forms.
+    """
     start = prepared(settings.walked_grids[0])
-    branch, curve = Tally(), Tally()
-    events, steps = _branch(start, _tallied(start.problem, branch), 4 * settings.branch_points)
+    branch = Tally()
+    problem = replace(start.problem, period_map=_tallied(start.problem.period_map, branch))
+    events, steps = _branch(start, problem, 4 * settings.branch_points)
     told = _measured("branch", branch, steps, f"a branch with {len(events)} bifurcations, {_grid(settings)}")
     first = next(event for event in events if event.kind is EventKind.NEIMARK_SACKER)
-    steps, specials = _curve(_tallied(start.problem, curve), first, 4 * settings.branch_points)
-    what = f"a Neimark-Sacker curve with {specials} special points, {_grid(settings)}"
-    return told + _measured("curve", curve, steps, what)
+    for name, forms in (("curve", False), ("curve_form", True)):
+        curve = Tally()
+        steps, specials = _curve(start, curve, first, 4 * settings.branch_points, forms)
+        what = f"a Neimark-Sacker curve with {specials} special points, {_grid(settings)}"
+        told += _measured(name, curve, steps, f"{what}, with normal forms" if forms else what)
+    return told
 
 
 def _grid(settings: Settings) -> str:
     return "{}x{}".format(*settings.walked_grids[0])
 
 
-def _tallied(problem: CycleProblem, tally: Tally) -> CycleProblem:
-    known = {item.name: getattr(problem.period_map, item.name) for item in fields(problem.period_map)}
-    return replace(problem, period_map=TalliedMap(**known, tally=tally))
+def _tallied(period_map: PeriodMap, tally: Tally) -> TalliedMap:
+    known = {item.name: getattr(period_map, item.name) for item in fields(period_map)}
+    return TalliedMap(**known, tally=tally)
 
 
 def _branch(start: Start, problem: CycleProblem, points: int) -> tuple[list[Event], list[int]]:
@@ -131,8 +138,12 @@ def _branch(start: Start, problem: CycleProblem, points: int) -> tuple[list[Even
     return events, steps
 
 
-def _curve(problem: CycleProblem, event: Event, points: int) -> tuple[list[int], int]:
+def _curve(start: Start, tally: Tally, event: Event, points: int, forms: bool) -> tuple[list[int], int]:
     """The time steps of the points of both directions of a curve, and the number of its special points."""
+    own = start.problem.period_map
+    widths = start.description.track_curves.normal_form_widths if forms else ()
+    smooth = tuple(_tallied(each, tally) for each in smooth_maps(start.description, own, widths))
+    problem = replace(start.problem, period_map=_tallied(own, tally))
     steps: list[int] = []
     specials: list[Any] = []
 
@@ -141,9 +152,10 @@ def _curve(problem: CycleProblem, event: Event, points: int) -> tuple[list[int],
         if state.index > 0:
             steps.append(state.steps)
 
-    curves, guess = curve_from_event(problem, event, NAMES)
+    curves, guess = curve_from_event(problem, event, NAMES, smooth_maps=smooth)
     for direction in (1, -1):
-        options = CurveOptions(RANGES, direction, max_points=points + 1, normal_form=None)
+        form = NORMAL_FORM if forms else None
+        options = CurveOptions(RANGES, direction, max_points=points + 1, normal_form=form)
         continue_curve(curves, guess, options, record)
     return steps, len(specials)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 Grid = tuple[int, int]
+SCHEME = "fourth_order"  # of the default film, on every grid
 
 
 @dataclass(frozen=True)
@@ -18,12 +19,12 @@ class Settings:
     compiles all kernels.
     """
 
-    default_grid: Grid = (40, 3)
+    default_grid: Grid = (32, 4)
     backward_grid: Grid = (80, 10)
     reference_grids: tuple[Grid, Grid] = ((288, 4), (576, 4))
-    monodromy_grids: tuple[Grid, ...] = ((24, 2), (40, 3))
-    walked_grids: tuple[Grid, ...] = ((24, 2), (40, 3), (64, 3), (96, 4), (160, 5))
-    stepper_grids: tuple[Grid, ...] = ((40, 3), (96, 4))
+    monodromy_grids: tuple[Grid, ...] = ((24, 2), (32, 4))
+    walked_grids: tuple[Grid, ...] = ((24, 2), (32, 4), (64, 4), (96, 4), (160, 5))
+    stepper_grids: tuple[Grid, ...] = ((32, 4), (96, 4))
     chains: tuple[int, ...] = (40, 80, 160, 500, 2000)
     columns: int = 32
     tangent_pairs: int = 9

@@ -6,7 +6,7 @@ from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.stages.survey.line import compute_line, survey_problem
 from tests.benchmarks.cycles import SPEED, next_point, prepared
 from tests.benchmarks.measuring import Measurement, interleaved
-from tests.benchmarks.settings import Settings
+from tests.benchmarks.settings import SCHEME, Settings
 from tests.machines import case
 
 CELLS = 8
@@ -17,7 +17,7 @@ def survey_cell(settings: Settings) -> list[Measurement]:
     """Both on the grid of the figures; a line of the survey has its own equilibrium."""
     grid = settings.monodromy_grids[0]
     table = {"points": (CELLS, 2), "ranges": (FREQUENCIES, (SPEED, 1.2 * SPEED))}
-    description = case(grid, speed=SPEED, survey=table)
+    description = case(grid, speed=SPEED, survey=table, numerics={"scheme": SCHEME})
     problem = survey_problem(build_machine(description), description, parameter_vector(description))
     branch = next_point(prepared(grid), whole=False)
     pair = interleaved(branch, lambda: compute_line(problem, 0), settings.tangent_pairs)

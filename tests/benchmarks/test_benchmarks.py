@@ -41,6 +41,7 @@ NAMES = {
     "passes_per_point": {
         *("passes_per_branch_point", "orbits_per_branch_point"),
         *("passes_per_curve_point", "orbits_per_curve_point"),
+        *("passes_per_curve_form_point", "orbits_per_curve_form_point"),
     },
     "transient_steps_ratio": {"transient_steps_ratio", "transient_step"},
     "commit_ratio": {"commit_ratio", "commit"},

@@ -20,7 +20,7 @@ from pipelines.orbits.time_runs.transient import trial_end
 from pipelines.orbits.time_steps import spectral_radius, stable_steps
 from pipelines.stages.transients.run import driven_machine
 from tests.benchmarks.measuring import Measurement, interleaved
-from tests.benchmarks.settings import Settings
+from tests.benchmarks.settings import SCHEME, Settings
 from tests.helpers.unbalanced_map import UnbalancedMap, unbalanced_map
 from tests.machines import case
 
@@ -35,7 +35,9 @@ _FEWEST, _PERIODS = 16, 10
 
 def transient_steps(settings: Settings) -> list[Measurement]:
     """The ratio, and the implicit loop's steps per second."""
-    description = case(settings.default_grid, speed=SPEED, displacement=DISPLACEMENT)
+    description = case(
+        settings.default_grid, speed=SPEED, displacement=DISPLACEMENT, numerics={"scheme": SCHEME}
+    )
     machine, parameters = build_machine(description), parameter_vector(description)
     driven, period = driven_machine(machine, MASSES), 2.0 * math.pi / parameters[1]
     turn = SPEED * period

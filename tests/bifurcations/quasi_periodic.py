@@ -55,6 +55,57 @@ def moebius_circle(m: float, theta: float, d: float, b: float) -> tuple[float, f
     return np.sqrt(square), theta + float(np.angle(factor)), slope
 
 
+# --- Tori that lose their stability in every way ------------------------------------------------------
+
+
+def folded_circle() -> ExplicitMap:
+    """w -> (1 + m + d |w|^2 - e |w|^4) exp(i theta) w, seen through s = w/(1 - 0.3 w); parameters (m, d, e).
+
+    Circles m + d r^2 - e r^4 = 0, theta = 1; fold at r^2 = d/(2 e), m = -d^2/(4 e).
+    """
+
+    def function(s, p):  # type: ignore[no-untyped-def]
+        w = _over((s[0], s[1]), (1.0 + 0.3 * s[0], 0.3 * s[1]))
+        square = w[0] * w[0] + w[1] * w[1]
+        w = _times(w, (np.cos(1.0), np.sin(1.0)))
+        factor = 1.0 + p[0] + p[1] * square - p[2] * square * square
+        w = factor * w[0], factor * w[1]
+        return _over(w, (1.0 - 0.3 * w[0], -0.3 * w[1]))
+
+    return explicit_map(2, ("m", "d", "e"), function)
+
+
+CIRCLE_TURN = 1.3
+
+
+def losing_circle(kind: str) -> ExplicitMap:
+    """The circle |w| = 1 with turn 1.3 and a normal bundle z = (u, v) that is carried to p (1 + k x) R z.
+
+    The moduli of R = 1, -1, or a rotation by 0.7 (``kind``: branch_point, period_doubling, hopf) become
+    p (1 + sqrt(1 - k^2))/2, because the mean of log(1 + k cos) is that of the factor. For "moebius" the
+    bundle with the moduli p and 0.3 turns by half the angle. Parameters (p, k).
+    """
+
+    def function(s, p):  # type: ignore[no-untyped-def]
+        x, y, u, v = s
+        square = x * x + y * y
+        w = _times((x, y), (np.cos(CIRCLE_TURN), np.sin(CIRCLE_TURN)))
+        factor = 1.3 - 0.3 * square
+        size = p[0] * (1.0 + p[1] * x)
+        if kind == "hopf":
+            z = _times((u, v), (size * np.cos(0.7), size * np.sin(0.7)))
+        elif kind == "moebius":  # R(rho/2) R(theta/2) diag(p, 0.3) R(-theta/2)
+            mean, half = 0.5 * (p[0] + 0.3), 0.5 * (p[0] - 0.3)
+            z = mean * u + half * (x * u + y * v), mean * v + half * (y * u - x * v)
+            z = _times(z, (np.cos(0.5 * CIRCLE_TURN), np.sin(0.5 * CIRCLE_TURN)))
+        else:
+            sign = 1.0 if kind == "branch_point" else -1.0
+            z = sign * size * u, 0.4 * v
+        return factor * w[0], factor * w[1], z[0], z[1]
+
+    return explicit_map(4, ("p", "k"), function)
+
+
 # --- Flows ------------------------------------------------------------------------------------------
 
 

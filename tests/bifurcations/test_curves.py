@@ -390,6 +390,33 @@ def test_two_curves_that_cross_at_a_small_angle_are_told_apart() -> None:
     assert not would_end_on(KnownCurve.of(level.states), known.values(), (1.0, 1.0))
 
 
+def test_two_curves_beside_each_other_are_told_apart_by_the_other_multiplier() -> None:
+    """Period doublings m = 0 and m = 1e-4 of the same cycle, as of a symmetric and an antisymmetric mode."""
+    apart = 1e-4
+    flips = explicit_map(
+        2,
+        ("t", "m"),
+        lambda s, p: (-(1.0 + p[1]) * s[0] + s[0] ** 3, -(1.0 + p[1] - apart) * s[1] + s[1] ** 3),
+    )
+    problem = map_problem(flips, FLIP, (0, 0), ("t", "m"))
+    options = CurveOptions(((-0.3, 0.3), (-0.1, 0.1)), step=0.05, maximum_step=0.05)
+    lower = trace(problem, start([0.0, 0.0], (-0.255, 0.0)), options)
+    assert np.max(np.abs(lower.parameters[:, 1])) < 1e-9
+    known = KnownCurve.of(lower.states)
+    upper = replace(start([0.0, 0.0], (-0.255, apart)), angle=math.pi)
+    assert known.holds(upper), "nothing but the count tells them apart"
+    # on the lower curve the second multiplier is inside, on the upper one the first is outside
+    known = replace(known, unstable=np.zeros(len(lower.states)))
+    assert not known.holds(replace(upper, unstable=1))
+    run = trace(problem, replace(upper, unstable=1), options, traced={"lower": known})
+    assert run.result.stop is CurveStop.RANGE
+    again = trace(problem, start([0.0, 0.0], (-0.23, 0.0)), options, traced={"lower": known})
+    assert again.result.stop is CurveStop.TRACED
+    assert would_end_on(known, [known], (1.0, 1.0))
+    above = replace(KnownCurve.of(run.states), unstable=np.ones(len(run.states)))
+    assert not would_end_on(above, [known], (1.0, 1.0))
+
+
 def passed_twice(special: SpecialKind) -> tuple[CurveProblem, Any, tuple[tuple[float, float], ...]]:
     """A curve on which the test of a special point is e^2 - 1e-4 or its negative, from e = 0.43 to -0.5.
 
@@ -442,11 +469,12 @@ def test_special_points_passed_twice_within_a_step(special: SpecialKind, longest
     """With 0.1 a step ends just on the second one.  A Neimark-Sacker curve ends at the first R2."""
     curves, begin, ranges = passed_twice(special)
     run = trace(curves, begin, CurveOptions(ranges, direction=-1, maximum_step=longest))
-    assert [found.kind for found in run.specials] == [special] * (1 if special is SpecialKind.R2 else 2)
+    assert [found.kind for found in run.specials] == [special] * 2
+    assert run.result.stop is (CurveStop.RESONANCE_2 if special is SpecialKind.R2 else CurveStop.RANGE)
     wanted = np.array([0.01, -0.01])
     if special is SpecialKind.CUSP:
         places = [found.state[0] for found in run.specials]
     else:
         places = [found.parameters[0] for found in run.specials]
-    assert np.allclose(places, wanted[: len(places)], rtol=0, atol=1e-7)
+    assert np.allclose(places, wanted, rtol=0, atol=1e-7)
     assert not any(point.unlocated for point in run.points)

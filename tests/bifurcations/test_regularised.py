@@ -12,7 +12,12 @@ import pytest
 
 from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop, SpecialKind
 from pipelines.bifurcations.detection import Resonance
-from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions
+from pipelines.bifurcations.normal_forms import smoothed
+from pipelines.bifurcations.normal_forms.coefficients import (
+    NormalForm,
+    NormalFormOptions,
+    critical_coefficients,
+)
 from pipelines.orbits.period_map import Formulation, PeriodImage, PeriodMap
 from pipelines.orbits.steppers import DOPRI8
 from tests.bifurcations.bilinear_oscillator import START, STATE, exact_map, oscillator
@@ -42,11 +47,12 @@ def test_the_regularised_coefficient_tends_to_the_exact_one() -> None:
 
 
 def test_the_error_holds_what_the_width_leaves() -> None:
+    """The distance of the widths is one of second-order differences, off by no more than the noise."""
     exact, fine, coarse = regularised(), regularised(0.1), regularised(0.2)
     both = regularised(0.1, 0.2)
     assert both.coefficient == fine.coefficient
     spread = abs(fine.coefficient - coarse.coefficient)
-    assert both.error == pytest.approx(both.noise + spread, rel=1e-12)
+    assert both.error == pytest.approx(both.noise + spread, abs=both.noise)
     assert both.noise < 0.1 * spread
     assert abs(both.coefficient - exact.coefficient) <= both.error
     assert both.decided
@@ -60,6 +66,28 @@ class NowhereMap(ExplicitMap):
 
     def evaluate(self, state, *rest, **more) -> PeriodImage:  # type: ignore[no-untyped-def, override]
         return replace(super().evaluate(state, *rest, **more), finite=False)
+
+
+def test_rough_differences_are_of_second_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """b = c + q^2 also with a term of fifth order, of which second-order differences see h^2."""
+    quintic = replace(flip_map(), function=lambda s, p: flip_map().function(s, p) + np.array([s[0] ** 5, 0]))
+    monkeypatch.setattr(smoothed, "critical_coefficients", rough_twice)
+    problem = replace(map_problem(flip_map(), FLIP, (0, 0.6, 0, 0.5), ("c", "m")), smooth_maps=(quintic,))
+    errors = []
+    for difference in (0.08, 0.04, 0.02):
+        options = CurveOptions(PLANE, max_points=1, normal_form=NormalFormOptions(difference))
+        form = trace(problem, start(np.zeros(2), (-0.2, 0.0)), options).points[0].normal_form
+        assert form is not None
+        errors.append(abs(form.coefficient - (-0.2 + 0.6**2)))
+    assert np.allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 2.0, atol=0.05), errors
+
+
+def rough_twice(*arguments):  # type: ignore[no-untyped-def]
+    """The coefficient by second-order differences alone, in the place of both."""
+    values = critical_coefficients(*arguments[:3], rough=True)
+    assert values is not None
+    assert values.shape == (1,)
+    return np.repeat(values, 2)
 
 
 def test_without_a_smooth_cycle_there_is_no_form_but_a_curve() -> None:
@@ -94,6 +122,28 @@ def test_special_points_are_those_of_the_regularised_coefficient() -> None:
     run = trace(problem, start(np.zeros(3), (-0.21, 0.0), 1.2), CurveOptions(((-0.3, 0.3), (-1, 1))))
     assert [special.kind for special in run.specials] == [SpecialKind.CHENCINER]
     assert run.specials[0].parameters[2] == pytest.approx(-0.05, abs=1e-7)
+
+
+def test_a_zero_is_located_as_far_as_the_regularisations_decide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two maps 0.1 apart in b: a tenth of that is enough, and the second map tells nothing inside a step."""
+    calls = []
+
+    def counted(*arguments):  # type: ignore[no-untyped-def]
+        calls.append(arguments)
+        return critical_coefficients(*arguments)
+
+    monkeypatch.setattr(smoothed, "critical_coefficients", counted)
+    curved = replace(flip_map(), function=lambda s, p: flip_map().function(s, [p[0], np.exp(p[1]), *p[2:]]))
+    maps = tuple(shifted(curved, 2, shift) for shift in (0.05, 0.15))
+    # b = c + 0.05 + exp(2 q) = 0 at q = -0.5 along a curve over q, with few long steps
+    c = -0.05 - math.exp(-1.0)
+    problem = replace(map_problem(curved, FLIP, (0, -1.0, c, 0.5), ("q", "m")), smooth_maps=maps)
+    options = CurveOptions(((-1.2, 0.4), (-1, 1)), step=0.4, maximum_step=0.4)
+    run = trace(problem, start(np.zeros(2), (-1.0, 0.0)), options)
+    assert [special.kind for special in run.specials] == [SpecialKind.GENERALISED_FLIP]
+    q = run.specials[0].parameters[1]
+    assert abs(c + 0.05 + math.exp(2.0 * q)) < 0.1 * 0.1
+    assert len(calls) - 2 * len(run.points) <= 3
 
 
 def test_restart_gives_the_same_bits() -> None:

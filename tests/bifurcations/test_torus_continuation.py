@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipelines.bifurcations.tori.circle_map import PeriodCircle
-from pipelines.bifurcations.tori.continuation import continue_torus
+from pipelines.bifurcations.tori.continuation import continue_torus, resonance_ahead
 from pipelines.bifurcations.tori.fourier import angles, interpolated
 from pipelines.bifurcations.tori.problem import FourierOptions, TorusProblem
 from pipelines.bifurcations.tori.slow_bases import constant_bases
@@ -110,7 +110,7 @@ def nearest(states: np.ndarray, point: np.ndarray) -> tuple[float, float]:
 
 
 def van_der_pol_branch(
-    force: float, first: float, last: float, fourier: FourierOptions | None = None
+    force: float, first: float, last: float, fourier: FourierOptions | None = None, maximum_step: float = 0.2
 ) -> tuple[TorusProblem, TorusRun, PeriodMap]:
     """Tori of x'' - 0.4 (1 - x^2) x' + x = a cos(omega t) over omega, the first one from a simulation."""
     period_map = PeriodMap(van_der_pol(), DOPRI8, samples=1, minimum_steps=STEPS)
@@ -123,7 +123,9 @@ def van_der_pol_branch(
     problem = TorusProblem(circle, ShootingOptions(tolerance=1e-11), fourier)
     start = TorusStart(states, constant_bases(np.eye(2), 31), first, rotation)
     interval = (min(first, last), max(first, last))
-    options = TorusOptions(interval, direction=1 if last > first else -1, step=0.05, maximum_step=0.2)
+    options = TorusOptions(
+        interval, direction=1 if last > first else -1, step=0.05, maximum_step=maximum_step
+    )
     return problem, trace_torus(problem, start, options), period_map
 
 
@@ -165,6 +167,31 @@ def test_locking_ends_a_branch() -> None:
     # the rotation falls towards that of the tongue
     turns = np.abs(np.mod(run.rotations / (2.0 * math.pi) + 0.5, 1.0) - 0.5)
     assert np.all(np.diff(turns) < 0.0)
+
+
+@pytest.mark.slow
+def test_a_leap_over_a_resonance() -> None:
+    """Over the 1:5 tongue near omega = 4.95 the branch goes on; simulation confirms the rotation beyond."""
+    fourier = FourierOptions(tolerance=1e-6, most=63)
+    _, run, period_map = van_der_pol_branch(1.0, 4.93, 5.0, fourier, maximum_step=0.08)
+    assert run.result.stop is TorusStop.RANGE
+    turns = run.rotations / (2.0 * math.pi)
+    assert np.all(np.diff(turns) > 0.0)
+    (crossed,) = np.flatnonzero((turns[:-1] < -0.2) & (turns[1:] > -0.2))
+    assert run.parameters[crossed + 1] - run.parameters[crossed] < 0.01
+    last = run.parameters[-1]
+    orbit = long_orbit(period_map, np.array([last, 0.4, 1.0]), np.array([2.0, 0.0]), 2200)[200:]
+    difference = rotation_number(orbit) / (2.0 * math.pi) - turns[-1]
+    assert abs(difference - round(difference)) < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("rotation", "slope", "ahead"),
+    [(0.19, 1.0, 0.01), (0.21, -2.0, -0.01), (-0.2001, 0.1, 0.0001), (0.49, 1.0, 0.01), (0.3, 0.0, None)],
+)
+def test_the_resonance_ahead(rotation: float, slope: float, ahead: float | None) -> None:
+    found = resonance_ahead(2.0 * math.pi * rotation, slope)
+    assert found == (None if ahead is None else pytest.approx(2.0 * math.pi * ahead, rel=1e-9))
 
 
 def test_torus_shrinks_to_its_cycle() -> None:
@@ -221,7 +248,7 @@ def test_example_of_the_docstring() -> None:
     names = {
         "np": np, "ode_system": ode_system, "PeriodCircle": PeriodCircle, "PeriodMap": PeriodMap,
         "DOPRI8": DOPRI8, "TorusProblem": TorusProblem, "torus_around": torus_around,
-        "continue_torus": continue_torus, "record": lambda point, state: points.append(point),
+        "continue_torus": continue_torus, "record": lambda point, *_: points.append(point),
         "TorusOptions": lambda range: TorusOptions(range, max_points=2),
     }  # fmt: skip
     exec(example, names)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipelines.bifurcations.tori.continuation import continue_torus
+from pipelines.bifurcations.tori.events import TorusEvent
 from pipelines.bifurcations.tori.torus import TorusPoint, TorusResult, TorusState
 from pipelines.orbits.system import Matrix, Vector
 
@@ -18,6 +19,7 @@ class TorusRun:
     result: TorusResult
     points: list[TorusPoint] = field(default_factory=list)
     states: list[TorusState] = field(default_factory=list)
+    events: list[TorusEvent] = field(default_factory=list)
 
     @property
     def parameters(self) -> Vector:
@@ -31,8 +33,9 @@ class TorusRun:
 def trace_torus(problem, start, options, **callbacks) -> TorusRun:  # type: ignore[no-untyped-def]
     run = TorusRun(TorusResult(None, None))  # type: ignore[arg-type]
 
-    def record(point: TorusPoint, state: TorusState) -> None:
+    def record(point: TorusPoint, state: TorusState, events: tuple[TorusEvent, ...]) -> None:
         run.points.append(point)
+        run.events.extend(events)
         run.states.append(state)
 
     run.result = continue_torus(problem, start, options, record, **callbacks)

@@ -58,6 +58,16 @@ def test_a_table_is_read_and_leaves_the_identity_alone(text: str) -> None:
         (7, "value = 1.0\nweight = 1.0\nuncertainty = 1.0", 9, "targets.0.uncertainty", "not both"),
         (7, 'quantity = "onset_slope"\nvalue_rpm = 1.0', 8, "targets.0.value_rpm", "is no speed"),
         (7, 'value = 1.0\nquantity = "speed"', 8, "targets.0.quantity", "must be one of onset_speed"),
+        (7, 'value = 0.0\nquantity = "doubling_growth"', 6, "targets.0.speeds", "is missing"),
+        (7, 'value = 0.0\nquantity = "doubling_growth"\nspeeds = [0.0]', 9, "targets.0.speeds", "positive"),
+        (7, 'value = 0.7\nquantity = "corner_frequency"', 6, "targets.0.frequency_range", "is missing"),
+        (7, 'value = 0.7\nquantity = "corner_speed"\nfrequency_range = [0.9, 0.6]', 9,
+         "targets.0.frequency_range", "low < high"),
+        (7, 'quantity = "doubling_growth"\nspeeds = [1.0]\nvalue_rpm = 1.0', 9, "targets.0.value_rpm",
+         "a growth rate is no speed"),
+        (7, 'quantity = "corner_frequency"\nfrequency_range = [0.6, 0.9]\nvalue_rpm = 1.0', 9,
+         "targets.0.value_rpm", "an excitation frequency is no speed"),
+        (7, 'value = 1.0\nlimit = "above"', 8, "targets.0.limit", "must be one of exact"),
         (7, "value = 1.0\nspeed_range = [1.0, 0.5]", 8, "targets.0.speed_range", "low < high"),
         (8, 'set = { "excitation.freqency" = 1.0 }', 8, "targets.0.set.excitation.freqency",
          "did you mean excitation.frequency"),
@@ -70,6 +80,18 @@ def test_what_is_wrong_is_said_at_its_line(
     (problem,) = problems(end=table_with(line, replacement))
     assert (problem.line, problem.key) == (problem_line + LINES, f"calibrate.{key}")
     assert message in problem.message
+
+
+@pytest.mark.parametrize(
+    ("limit", "below", "above"), [("exact", -2.0, 2.0), ("upper", 0.0, 2.0), ("lower", -2.0, 0.0)]
+)
+def test_of_a_limit_one_side_counts(text: str, limit: str, below: float, above: float) -> None:
+    (named,) = read_cases(
+        text + table_with(7, f'value = 1.0\nuncertainty = 0.1\nlimit = "{limit}"'), "demo.toml"
+    )
+    assert named.case.calibrate is not None
+    target = named.case.calibrate.targets[0]
+    assert [target.deviation(value) for value in (0.8, 1.0, 1.2)] == pytest.approx([below, 0.0, above])
 
 
 def test_a_table_without_targets_says_so(problems: Problems) -> None:

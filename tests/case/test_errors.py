@@ -131,7 +131,7 @@ ONE_PROBLEM = [
     (32, "circumferential = 1_000_000_000", 32, "numerics.circumferential", ">= 8 and <= 1024", ""),
     (33, "axial = 1_000_000_000", 33, "numerics.axial", ">= 1 and <= 32", ""),
     (32, "circumferential = 40.0", 32, "numerics.circumferential", "must be a whole number", ""),
-    (31, "[numrics]", 31, "numrics", "unknown key; allowed here: name, note, gas, rotor", "numerics"),
+    (31, "[numrics]", 31, "numrics", "unknown key; allowed here: units, name, note, gas, rotor", "numerics"),
 ]
 
 

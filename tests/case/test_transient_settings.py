@@ -68,15 +68,17 @@ def test_neither_table_changes_the_identity_of_the_case(text):
     assert physics_hash(case_of(text, "transient.duration=7.0")) == plain
 
 
-def test_the_example_of_the_readme_is_valid(text):
-    readme = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+def test_the_example_of_the_pages_is_valid(text):
+    page = Path(__file__).resolve().parents[2] / "configs" / "configuration.md"
     (example,) = [
         block
-        for block in re.findall(r"^```toml\n(.*?)^```", readme, flags=re.DOTALL | re.MULTILINE)
+        for block in re.findall(
+            r"^```toml\n(.*?)^```", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
+        )
         if "[transient]" in block
     ]
     case = case_of(text + example)
-    assert case.transient.units == "si"
+    assert case.scales.si_per_unit["time"] * case.transient.duration == pytest.approx(20.0, rel=1e-15)
     assert case.unbalance is not None
 
 

@@ -51,7 +51,7 @@ def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_tables_and_assignments_of_the_found_machine(config: Path) -> None:
     done = agfb("calibrate", "mine.toml")
     assert done.exit_code == ExitCode.DONE, done.output
-    assert "onset speed, excitation.frequency = 0.2  1.09    1.09" in done.stdout
+    assert "onset speed, excitation.frequency = 0.2  1     1.09    1.09" in done.stdout
     (assignment,) = (line for line in done.stdout.splitlines() if line.startswith("--set"))
     key, _, value = assignment.removeprefix("--set ").partition("=")
     assert key == "rotor.discs.mass"
@@ -69,6 +69,14 @@ def test_the_same_as_json_and_a_copy_with_the_values(config: Path) -> None:
     assert "# of both discs" in text
     (named,) = read_cases(text, "found.toml")
     assert {disc.mass for disc in named.case.rotor.discs} == {found["values"]["rotor.discs.mass"]}
+
+
+def test_a_limit_is_told_as_one(config: Path) -> None:
+    done = agfb("calibrate", "mine.toml", "--set", "calibrate.targets=[{value = 1.2, limit = 'upper'}]")
+    assert done.exit_code == ExitCode.DONE, done.output
+    (line,) = (line for line in done.stdout.splitlines() if line.startswith("onset speed"))
+    assert "at most 1.2" in line
+    assert " 0 " in line, "what lies below counts nothing"
 
 
 def test_one_that_does_not_converge_shows_the_best_and_exits_with_3(config: Path) -> None:
@@ -107,7 +115,12 @@ def test_the_comparison_with_the_paper_says_that_the_machine_is_a_reconstruction
     assert "threshold at excitation frequency 0.2" in done.stdout
     document = json.loads(agfb("compare-paper", str(tmp_path / "a.zarr"), "--json").stdout)
     assert "reconstruction" in document["reconstruction"]
-    assert all(row["in_the_paper"].startswith("Sec. 4") for row in document["rows"])
+    assert all(row["in_the_paper"].startswith("Sec. ") for row in document["rows"])
+    told = [row for row in document["rows"] if row["printed"] is not None or row["told"]]
+    assert sum(document["verdicts"].values()) == len(told)
+    assert all(row["verdict"] in document["verdicts"] and row["sentence"] for row in told)
+    assert "the frequency of the anti-resonance rises" in done.stdout
+    assert f"{document['verdicts']['not compared']} not compared" in done.stdout
 
 
 def test_a_store_without_sets_says_what_to_run(tmp_path: Path) -> None:

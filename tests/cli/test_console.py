@@ -99,6 +99,15 @@ def test_names_and_values_of_a_summary() -> None:
     )
 
 
+def test_a_summary_shows_both_units_and_what_is_not_there() -> None:
+    values = {"speeds": 7, "instability speed": 1.0781234, "instability speed [rpm]": 19954.5}
+    values |= {"neimark sacker": "1.1, 1.2", "neimark sacker [rpm]": "20359, 22210", "lowest": None}
+    assert name_values(values) == (
+        "speeds 7, instability speed 1.07812 (19954 rpm), neimark sacker 1.1, 1.2 (20359, 22210 rpm), "
+        "lowest none"
+    )
+
+
 def test_slow_work_is_announced_and_fast_work_is_not(capsys: pytest.CaptureFixture[str]) -> None:
     with Console().announce_if_slow("compiling", 60.0):
         pass

@@ -16,6 +16,8 @@ from tests.cli.conftest import leaf_commands
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+REFERENCE = (ROOT / "configs" / "commands.md").read_text(encoding="utf-8")
+CONFIGURATION = (ROOT / "configs" / "configuration.md").read_text(encoding="utf-8")
 HEAVY = (
     "numpy",
     "scipy",
@@ -92,14 +94,20 @@ def test_without_arguments_the_overview_is_shown() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_readme_documents_every_command_and_option(command: str) -> None:
+def test_every_command_and_option_is_documented(command: str) -> None:
     assert f"`agfb {command}" in README
+    assert f"`agfb {command}" in REFERENCE
     for option in options_of(command):
-        assert re.search(rf"`[^`]*(?<![\w-]){option}(?![\w-])", README), option
+        assert re.search(rf"`[^`]*(?<![\w-]){option}(?![\w-])", REFERENCE), option
 
 
-def test_every_command_of_the_readme_exists() -> None:
-    named = set(re.findall(r"(?:`|/|^)agfb ([a-z][a-z-]*)", README, flags=re.MULTILINE))
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 150
+
+
+@pytest.mark.parametrize("page", [README, REFERENCE], ids=["README", "commands"])
+def test_every_named_command_exists(page: str) -> None:
+    named = set(re.findall(r"(?:`|/|^)agfb ([a-z][a-z-]*)", page, flags=re.MULTILINE))
     assert named <= {command.split()[0] for command in COMMANDS}
 
 
@@ -114,8 +122,8 @@ def test_commands_that_locate_bifurcations_can_refine_them() -> None:
     assert refining == {"continue-cycles", "continue", "track-pd", "track-ns", "track-folds", "run"}
 
 
-def test_the_readme_lists_every_exit_code() -> None:
-    table = README.split("### Exit codes")[1].split("##")[0]
+def test_every_exit_code_is_documented() -> None:
+    table = REFERENCE.split("## Exit codes")[1].split("##")[0]
     codes = {
         int(code)
         for row in re.findall(r"^\| ([\d, ]+) \|", table, flags=re.MULTILINE)
@@ -124,8 +132,8 @@ def test_the_readme_lists_every_exit_code() -> None:
     assert codes == {code.value for code in ExitCode}
 
 
-def test_files_that_the_readme_names_exist() -> None:
-    named = set(re.findall(r"`?(configs/[\w/]+\.toml)", README))
+def test_configurations_that_come_with_agfb_are_listed() -> None:
+    named = set(re.findall(r"`?(configs/[\w/]+\.toml)", CONFIGURATION))
     assert named
     assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
     assert {f"configs/{path.name}" for path in (ROOT / "configs").glob("*.toml")} <= named
@@ -139,7 +147,7 @@ def test_pictures_of_the_readme_exist() -> None:
 
 def test_make_targets_of_the_readme_exist() -> None:
     targets = set(re.findall(r"^([a-z0-9]+):.*## ", (ROOT / "Makefile").read_text(), flags=re.MULTILINE))
-    paper = {"figures", "fig3", "fig4", "fig5", "fig6"}
+    paper = {"figures", "fig3", "fig4", "fig5", "fig6", "readings"}
     tests = {"test", "rest", "check", "torture", "lint", "format"}
     assert targets == {"help", "install", "smoke", "bench", "clean"} | tests | paper
     assert set(re.findall(r"`?make ([a-z]+[0-9]*)", README)) <= targets  # a chart's letter follows the number

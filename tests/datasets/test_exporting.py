@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from pipelines.datasets.exporting import planned_files, write_files
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.store import Store, open_for_reading
 from tests.helpers.synthetic import GROUP
+from tests.helpers.tiny import Watched, tiny_case
 
 
 def export_case(store: Store, case: str, folder: Path, kind: str, full: bool) -> list[Path]:
@@ -87,4 +89,78 @@ def test_without_xarray(finished: Path, tmp_path: Path, monkeypatch: pytest.Monk
     done = CliRunner().invoke(app, ["export", str(finished), "-o", str(tmp_path), "--format", "netcdf"])
     assert done.exit_code == 2
     assert "netCDF files need xarray" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def read_long(path: Path) -> list[dict[str, str]]:
+    lines = path.read_text().splitlines()
+    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
+@pytest.fixture(scope="module")
+def linear_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("linear") / "a.zarr"
+    case = tiny_case("linearize.points=2", "coefficients.points=2", "coefficients.frequencies=3")
+    for stage in ("linearize", "criticals", "coefficients"):
+        assert Watched(stage, case, path).result.ok
+    return path
+
+
+def test_modes_are_one_long_table(linear_store: Path, tmp_path: Path) -> None:
+    store = open_for_reading(linear_store)
+    export_case(store, "smoke", tmp_path, "csv", full=False)
+    group = read_group(store, "cases/smoke/linear")
+    rows = read_long(tmp_path / "smoke-linear-modes.csv")
+    assert len(rows) == np.isfinite(group["logarithmic_decrement"]).sum() > 0
+    for row in rows:
+        index = group["speed"].tolist().index(float(row["speed"]))
+        mode = group["eigenvalues"][index].imag.tolist().index(float(row["frequency"]))
+        assert float(row["logarithmic_decrement"]) == group["logarithmic_decrement"][index, mode]
+        assert float(row["frequency_rpm"]) == pytest.approx(60.0 * float(row["frequency_hz"]), rel=1e-12)
+        assert float(row["speed_rpm"]) / float(row["speed"]) == pytest.approx(
+            float(row["frequency_rpm"]) / float(row["frequency"]), rel=1e-12
+        )
+        assert row["direction"] == group.labels("direction")[index, mode]
+    followed = read_group(store, "cases/smoke/criticals")
+    rows = read_long(tmp_path / "smoke-criticals-modes.csv")
+    for row in rows:
+        index = followed["speed"].tolist().index(float(row["speed"]))
+        assert float(row["frequency"]) == followed["frequency"][index, int(row["mode"]) - 1]
+
+
+def test_coefficients_are_one_long_table_for_each_bearing(linear_store: Path, tmp_path: Path) -> None:
+    store = open_for_reading(linear_store)
+    export_case(store, "smoke", tmp_path, "csv", full=False)
+    group = read_group(store, "cases/smoke/coefficients")
+    for bearing in (0, 1):
+        rows = read_long(tmp_path / f"smoke-coefficients-bearing_{bearing + 1}.csv")
+        assert [(float(row["speed"]), float(row["frequency"])) for row in rows] == [
+            (speed, frequency) for speed in group["speed"] for frequency in group["frequency"]
+        ]
+        found = np.array([[float(row[f"k{entry}"]) for entry in ("xx", "xy", "yx", "yy")] for row in rows])
+        np.testing.assert_array_equal(found, group["stiffness"][:, :, bearing].reshape(-1, 4))
+        in_si = np.array([float(row["cxy_ns_per_m"]) for row in rows])
+        expected = group["damping"][:, :, bearing, 0, 1].ravel() * group["damping_unit"][bearing]
+        np.testing.assert_allclose(in_si, expected, rtol=1e-15)
+
+
+def test_bearings_of_ross_hold_tables_over_speed_and_frequency(linear_store: Path, tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["export", str(linear_store), "-o", str(tmp_path), "--format", "ross"])
+    assert done.exit_code == 0, done.output
+    group = read_group(open_for_reading(linear_store), "cases/smoke/coefficients")
+    for bearing in (0, 1):
+        text = (tmp_path / f"smoke-coefficients-bearing_{bearing + 1}-ross.toml").read_text()
+        ((name, table),) = tomllib.loads(text).items()
+        assert name == f"BearingElement_{table['tag']}"
+        assert table["n"] == group["bearing_node"][bearing]
+        np.testing.assert_allclose(table["speed"], group["speed_rpm"] * 2 * np.pi / 60, rtol=1e-14)
+        np.testing.assert_allclose(table["frequency"], group["frequency_hertz"] * 2 * np.pi, rtol=1e-14)
+        expected = group["stiffness"][:, :, bearing, 1, 0] * group["stiffness_unit"][bearing]
+        np.testing.assert_allclose(table["kyx"], expected, rtol=1e-15)
+
+
+def test_without_coefficients_there_is_nothing_for_ross(finished: Path, tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["export", str(finished), "-o", str(tmp_path), "--format", "ross"])
+    assert done.exit_code == 2
+    assert "agfb coefficients" in done.output
     assert list(tmp_path.iterdir()) == []

@@ -13,7 +13,7 @@ from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, create_store
 from tests.figures.synthetic_runs import write_runs
 from tests.helpers.curves import Path2, curve_rows, oval, write_curve, write_set
-from tests.helpers.surveys import write_survey
+from tests.helpers.surveys import write_certificate, write_survey
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -21,6 +21,8 @@ MASTERS = np.array([0, 2, 4, 7, 10, 12, 14])
 PARTS = (
     "machine",
     "linear",
+    "operating_point",
+    "coefficients",
     "criticals",
     "unbalance_response",
     "cycles",
@@ -99,6 +101,57 @@ def linear(points: int = 41) -> Arrays:
     }
 
 
+def operating_point() -> Arrays:
+    """A bent shaft in two bearings with five modes, the first of them unstable."""
+    x = np.linspace(-1.0, 1.0, 15)
+    forms = [1.0 + 0.1 * x, x, 1.0 - 2.0 * x**2, x - 1.5 * x**3, 1.0 - 3.0 * x**2]
+    turns = [-1j, 1j, -1j, 1j, 0.0]
+    frequency = np.array([0.4, 0.55, 1.3, 1.5, 2.6])
+    damping = np.array([-0.02, 0.1, 0.01, 0.012, 0.02])
+    hertz = frequency * SCALES["hertz_per_unit"]
+    return {
+        "deflection": 1e-6 * np.column_stack([3.0 + x, -6.0 + 2.0 * x**2]),
+        "bearing_node": np.array([2, 12], dtype=np.int32),
+        "reaction": np.array([[0.0, 4.0], [0.0, 3.5]]),
+        "journal": np.array([[0.3, -0.2], [0.28, -0.25]]),
+        "eccentricity": np.array([0.36, 0.375]),
+        "attitude_angle": np.array([0.98, 0.84]),
+        "minimum_film": np.array([14e-6, 13e-6]),
+        "stiffness": 1e6 * np.array([[[1.0, 0.2], [-0.3, 1.4]], [[0.9, 0.2], [-0.3, 1.3]]]),
+        "damping": 1e2 * np.array([[[1.0, 0.2], [-0.3, 1.4]], [[0.9, 0.2], [-0.3, 1.3]]]),
+        "eigenvalue": frequency * (1j - damping),
+        "frequency_hertz": hertz,
+        "frequency_rpm": 60.0 * hertz,
+        "logarithmic_decrement": 2.0 * np.pi * damping,
+        "damping_ratio": damping / np.sqrt(1.0 + damping**2),
+        "direction": np.array([1, 0, 1, 0, 2], dtype=np.int8),
+        "mode_shape": np.stack([np.column_stack([f, t * f]) for f, t in zip(forms, turns, strict=True)]),
+    }
+
+
+def coefficients() -> Arrays:
+    """K and C over eight speeds and twelve whirl frequencies; the second speed has no equilibrium."""
+    speed, frequency = np.linspace(0.2, 1.6, 8), np.linspace(0.0, 1.6, 12)
+    stiff = (1.0 + 0.4 * speed[:, None]) * frequency**2 / (0.3 + frequency**2) + 0.5
+    damp = 1.5 / (0.4 + speed[:, None] * frequency)
+    entries = np.array([[1.0, 0.4], [-0.5, 1.2]])
+    shape = (8, 12, 2, 2, 2)
+    stiffness = np.broadcast_to(stiff[:, :, None, None, None] * entries, shape).copy()
+    damping = np.broadcast_to(damp[:, :, None, None, None] * entries, shape).copy()
+    stiffness[1], damping[1] = np.nan, np.nan
+    return {
+        "speed": speed,
+        "speed_rpm": speed * SCALES["speed_rpm_per_unit"],
+        "frequency": frequency,
+        "frequency_hertz": frequency * SCALES["hertz_per_unit"],
+        "stiffness": stiffness,
+        "damping": damping,
+        "stiffness_unit": np.array([1.1e6, 1.1e6]),
+        "damping_unit": np.array([570.0, 570.0]),
+        "bearing_node": np.array([2, 12], dtype=np.int32),
+    }
+
+
 def unbalance_response() -> Arrays:
     """Two planes and probes; x has a resonance at 0.5 and y another at 0.8."""
     speed = np.linspace(0.1, 1.4, 80)
@@ -156,6 +209,7 @@ def criticals() -> Arrays:
     response = sum(unbalance**2 / np.abs(w**2 - unbalance**2 + 0.06j * w * unbalance) for w in critical[:3])
     modes = 8
     full = np.array([0.31, 0.33, 0.62, 0.68, 1.35, 1.38, 2.4, 2.5])
+    stiffness = np.logspace(4.5, 8.5, 21)
     mac = np.eye(modes) * 0.97 + 0.02
     mac[6, 6], mac[7, 7], mac[6, 7] = 0.81, 0.78, 0.2
     return {
@@ -177,6 +231,10 @@ def criticals() -> Arrays:
         "full_decrement": np.linspace(0.2, 1.4, modes),
         "condensed_decrement": np.linspace(0.2, 1.4, modes) * 1.03,
         "mac": mac,
+        "support_stiffness": stiffness,
+        "map_forward": np.sqrt(stiffness[:, None] / (1e7 + stiffness[:, None])) * [1.0, 1.6],
+        "map_backward": np.sqrt(stiffness[:, None] / (1e7 + stiffness[:, None])) * [0.9, 1.3],
+        "direct_stiffness": 1e6 * (1.0 + 0.3 * unbalance[:, None, None]) * np.array([[1.0, 1.4], [0.9, 1.3]]),
         "unbalance_speed": unbalance,
         "response_node": np.array([7, 14]),
         "unbalance_full": np.column_stack([response, 0.6 * response]),
@@ -285,9 +343,20 @@ SCALES = {
     "hertz_per_unit": 1 / (2 * np.pi * 5.16e-4),
 }
 ATTRIBUTES: dict[str, dict[str, Any]] = {
-    "machine": {"material_names": ["steel", "titanium"]},
+    "machine": {
+        "material_names": ["steel", "titanium"],
+        "rotor": {
+            "mass": 0.76,
+            "centre_of_gravity": 0.18,
+            "diametral_inertia": 9e-3,
+            "polar_inertia": 8e-5,
+            "bearing_loads": [4.0, 3.5],
+        },
+    },
     "linear": {"instability_speed": 1.078},
-    "criticals": {},
+    "operating_point": {"equilibrium": True, "reason": "", "speed": 1.2, "speed_rpm": 22207.0},
+    "coefficients": {"request": {"ring": "mean"}},
+    "criticals": {"compared_speed": 1.2, "unbalance_eccentricity": 0.01},
     "unbalance_response": {},
 }
 NOTE = "Invented numbers that only test the drawing."
@@ -302,6 +371,8 @@ def make_store(path: Path, points: int = 40, *, parts: tuple[str, ...] = PARTS, 
     whole = {
         "machine": machine,
         "linear": linear,
+        "operating_point": operating_point,
+        "coefficients": coefficients,
         "criticals": criticals,
         "unbalance_response": unbalance_response,
     }
@@ -320,6 +391,8 @@ def make_store(path: Path, points: int = 40, *, parts: tuple[str, ...] = PARTS, 
         write_set(store, "kb10")
     if "survey" in parts:
         write_survey(store, "kb10")
+    if "certificate" in parts:
+        write_certificate(store, "kb10")
     if "runs" in parts:
         write_runs(store, "kb10")
     return store

@@ -50,7 +50,7 @@ def finished(process):
 def test_figures_of_all_kinds_have_the_same_bytes_in_another_process(synthetic, tmp_path):
     """Those of runs in time are in `test_runs`."""
     store, output = tmp_path / "store", tmp_path / "figures"
-    synthetic.make_store(store, 3, parts=(*synthetic.PARTS, "survey"))
+    synthetic.make_store(store, 3, parts=(*synthetic.PARTS, "survey", "certificate"))
     # hatches, colour bars, subfigures, markers, clipped lines: everything that gets an identifier in a file
     elsewhere = draw_elsewhere(store, tmp_path / "again", "svg", "machine campbell orbits film")
     said, before = [], dict(mpl.rcParams)

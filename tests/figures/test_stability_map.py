@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from pipelines.datasets.reading import read_group
 from pipelines.figures.contents import Table
 from pipelines.figures.drawing import draw_figures
-from pipelines.figures.stability_map import PlaneView, parts_of, special_points
+from pipelines.figures.stability_map import PlaneView, _draw_regularised, parts_of, special_points
 from tests.figures import synthetic_store
 
 
@@ -68,3 +69,24 @@ def test_curves_alone_make_a_map_and_lines_of_the_search_make_no_figure(store, t
     assert any(path.name.startswith("tree") for path in written)
     every = draw_figures(store, tmp_path, kinds=("multipliers", "orbits", "film", "bifurcation"))
     assert not any("-s0" in path.name for path in every)
+
+
+def test_parts_with_regularised_clipping_have_a_band(store):
+    """From the row before the first such row to the row behind the last one; without one there is none."""
+    group = read_group(store, "cases/kb10/ns/c000")
+    arrays = group.labelled()
+    widths = np.zeros(group.n_points)
+    widths[[5, 6, 20]] = 0.01
+    tables = {"ns/c000": Table({**arrays, "clipping_width": widths}, group.attributes)}
+    view = PlaneView.of(tables, {})
+    (curve,) = view.curves
+    at = curve.arclength
+    assert curve.regularised() == [(at[4], at[7]), (at[19], at[21])]
+    axes = Figure().subplots()
+    handles = _draw_regularised(axes, view)
+    assert [handle.get_label() for handle in handles] == ["regularised clipping"]
+    drawn = [line.get_xydata() for line in axes.lines]
+    assert len(drawn) == 2
+    for points, (first, last) in zip(drawn, ((4, 7), (19, 21)), strict=True):
+        assert points[[0, -1]] == pytest.approx(curve.points[[first, last]])
+    assert _draw_regularised(Figure().subplots(), view_of(store, "ns/c000")) == []

@@ -80,11 +80,14 @@ def write_curve(
             "event_kind": KINDS["curve"].array("event_kind").flag(kind), "event_after_point": near,
             "event_speed": speed, "event_excitation_frequency": frequency, "event_displacement": 0.2,
             "event_foil_stiffness": 10.0, "event_period": 9.0, "event_angle": 2.0, "event_residual": 1e-10,
+            "event_tongue": -1, "event_width": np.nan,
         })  # fmt: skip
     events.sort(key=lambda event: event["event_after_point"])
     extra = {"period": 9.0, "step": 0.02, "kappa": 0.3, "kappa_slope": 0.0, "newton_iterations": 4,
              "normal_form": -1.0 + 0j, "normal_form_error": 0.01, "alignment": 0.5, "multiplier_count": 4,
-             "steps_per_period": 50, "step_error": 1e-7}  # fmt: skip
+             "steps_per_period": 50, "step_error": 1e-7, "clipping_width": 0.0, "width_effect": 0.0,
+             "grazing_gauge": -0.1, "grazing_bearing": 0, "grazing_angle": 1.0,
+             "grazing_phase": 2.0}  # fmt: skip
     attributes = {"bifurcation": bifurcation, "parameters": ["excitation_frequency", "speed"],
                   "ranges": [list(interval) for interval in PLANE], "turns": 1,
                   "origin": {"group": "cycles/b000", "event": 0}, "half": 0, **more}  # fmt: skip

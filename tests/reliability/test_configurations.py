@@ -31,7 +31,7 @@ from tests.helpers.tiny import ROOT
 TEXTS = {name: (ROOT / "configs" / f"{name}.toml").read_text() for name in ("smoke", "your_rotor")}
 SEVERAL = (  # tables of sweeps, and values whose alternatives are in the file
     "[sweep]\nexcitation.displacement = [0.05, 0.1]\n",
-    "[sweep]\nbearings.foil.stiffness = [3, 10.0]\nnumerics.scheme = ['central', 'backward']\n",
+    "[sweep]\nbearings.foil.areal_stiffness = [30e9, 100e9]\nnumerics.scheme = ['central', 'backward']\n",
 )
 MOST_CASES_BUILT = 3
 LONGEST_NAME = 255  # bytes of a name in a folder

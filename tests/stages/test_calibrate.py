@@ -218,6 +218,69 @@ value = {values[0]}
     assert 3.2 < (wide - middle) / (middle - narrow) < 4.8
 
 
+def test_a_machine_is_found_through_the_growth_of_period_doubling_and_the_corner(tmp_path: Path) -> None:
+    """Two unknowns; the corner's frequency and speed are found together, a growth where no period doubles."""
+    table = """
+[calibrate]
+tolerance = 1e-2
+speed_range = [1.0, 1.4]
+[[calibrate.parameters]]
+keys = ["excitation.displacement"]
+range = [0.15, 0.24]
+[[calibrate.parameters]]
+keys = ["bearings.clearance"]
+range = [19.5e-6, 21.5e-6]
+[[calibrate.targets]]
+quantity = "doubling_growth"
+value = {values[0]}
+uncertainty = 0.001
+speeds = [0.5, 0.6]
+[[calibrate.targets]]
+quantity = "corner_frequency"
+value = {values[1]}
+uncertainty = 0.002
+frequency_range = [0.65, 0.95]
+[[calibrate.targets]]
+quantity = "corner_speed"
+value = {values[2]}
+uncertainty = 0.005
+frequency_range = [0.65, 0.95]
+"""
+    true = {"excitation.displacement": 0.22, "bearings.clearance": 20.9e-6}
+    wanted = of_the_true_machine(table, true)
+    case = calibrated(table.format(values=wanted))
+    assert wanted[0] < 0.0, "no period doubles at the case's own frequency"
+    assert Watched("calibrate", case, tmp_path / "a.zarr").result.ok
+    found = told(tmp_path / "a.zarr", case)
+    assert np.abs(distance(found, case, true)).max() < 0.03
+    rows = stored(tmp_path / "a.zarr")
+    np.testing.assert_allclose(rows["onset"][:, 1], rows["reached"][:, 2])
+    assert np.all(np.isnan(rows["onset"][:, 0]))
+    assert [row.target for row in found.targets] == [
+        "doubling growth at speed 0.5, 0.6", "corner frequency", "corner speed"
+    ]  # fmt: skip
+
+
+def test_a_corner_that_is_none_is_told(tmp_path: Path) -> None:
+    table = """
+[calibrate]
+max_evaluations = 2
+speed_range = [1.0, 1.4]
+[[calibrate.parameters]]
+keys = ["bearings.clearance"]
+range = [19.5e-6, 21.5e-6]
+[[calibrate.targets]]
+quantity = "corner_frequency"
+value = 0.7
+frequency_range = [0.5, 0.55]
+"""
+    case = calibrated(table)
+    assert Watched("calibrate", case, tmp_path / "a.zarr").result.stop_reason == FAILED_TARGETS
+    (target,) = told(tmp_path / "a.zarr", case).targets
+    assert target.reached is None
+    assert "widen frequency_range" in target.remark
+
+
 def test_a_mass_is_found_through_a_measured_critical_speed(tmp_path: Path) -> None:
     """The critical speed that `agfb criticals` computes of the true machine, in revolutions per minute."""
     true = calibrated("", "rotor.discs.0.mass=0.1")
@@ -308,6 +371,24 @@ def machine_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[Values], None]:
 def simple(first: float, second: float, expected: float | None) -> Reached:
     value = 0.5 + first + 0.5 * second**2
     return Reached(FOUND, value, value, "hopf")
+
+
+@pytest.mark.parametrize(
+    ("limit", "lowest", "highest"), [("upper", 0.58, 0.585), ("lower", 0.898, 2.0), ("exact", 0.898, 0.902)]
+)
+def test_a_limit_moves_a_machine_from_beyond_it_alone(
+    machine_of: Callable[[Values], None], tmp_path: Path, limit: str, lowest: float, highest: float
+) -> None:
+    """The start, both masses 0.08, reaches 0.5832 of the target value 0.9."""
+    machine_of(simple)
+    table = TWO_MASSES.format(machines=60).replace("value = 0.9", f'value = 0.9\nlimit = "{limit}"')
+    case = calibrated(table)
+    assert Watched("calibrate", case, tmp_path / "a.zarr").result.ok
+    (target,) = told(tmp_path / "a.zarr", case).targets
+    assert target.limit == limit
+    assert target.reached is not None
+    assert lowest < target.reached < highest
+    assert target.deviation == pytest.approx(0.0, abs=0.2)
 
 
 def test_with_more_machines_allowed_it_goes_on(machine_of: Callable[[Values], None], tmp_path: Path) -> None:

@@ -20,7 +20,9 @@ RUNS = [
 
 @pytest.mark.parametrize(("stage", "config"), RUNS, ids=lambda value: getattr(value, "stem", value))
 def test_configuration_runs(stage: str, config: Path, tmp_path: Path) -> None:
-    case = tiny_case("continue_cycles.max_points=3", config=config)
+    # the ranges of the tiny settings are dimensionless, whatever the units of the file
+    units = [f"{table}.units=dimensionless" for table in ("linearize", "criticals", "continue_cycles")]
+    case = tiny_case("continue_cycles.max_points=3", *units, config=config)
     result = Watched(stage, case, tmp_path / "store.zarr").result
     assert result.ok, result
     assert result.stop_reason

@@ -11,14 +11,14 @@ import pytest
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
-from pipelines.datasets.store import OtherConfigurationError, open_for_reading
+from pipelines.datasets.store import open_for_reading
 from pipelines.datasets.watching import watch
 from pipelines.machine import film
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import Equilibrium, at_rest
 from pipelines.orbits.equilibria.linear import Instability, at_speed, linear_point
 from pipelines.stages.linear import linearize as stage
-from pipelines.stages.linear.linearize import reference_parameters
+from pipelines.stages.linear.along_speed import reference_parameters
 from tests.helpers.rotors import HEAVY_ON_SOFT_FOILS
 from tests.helpers.tiny import Watched, tiny_case
 from tests.helpers.trees import compare_trees
@@ -83,6 +83,7 @@ def test_the_instability_speed_is_where_a_pair_crosses(tmp_path: Path) -> None:
     attributes = linear(tmp_path / "a.zarr").attributes
     speed = attributes["instability_speed"]
     assert result.summary["instability speed"] == speed
+    assert result.summary["instability speed [rpm]"] == pytest.approx(case.case.scales.speed_rpm(speed))
     machine = build_machine(case.case)
     point = linear_point(machine, at_speed(parameter_vector(case.case), speed), 4)
     leading = point.eigenpairs.values[0]
@@ -95,6 +96,8 @@ def test_a_range_without_instability_has_none(tmp_path: Path) -> None:
     result = Watched("linearize", tiny_case("linearize.speed_range=[0.7, 1.0]"), tmp_path / "a.zarr").result
     assert result.ok
     assert result.summary["instability speed"] is None
+    assert result.summary["stable up to"] == 1.0
+    assert result.summary["stable up to [rpm]"] == pytest.approx(tiny_case().case.scales.speed_rpm(1.0))
     assert linear(tmp_path / "a.zarr").attributes["unstable_from_start"] is False
     assert "unstable from the lowest speed" not in result.summary
 
@@ -110,7 +113,7 @@ def test_a_machine_that_is_never_stable_says_so(tmp_path: Path) -> None:
 
 def test_undeformed_rings_are_those_of_the_passive_machine(tmp_path: Path) -> None:
     case = tiny_case("linearize.ring=undeformed", "linearize.points=2")
-    assert reference_parameters(case.case)[film.DISPLACEMENT] == 0.0
+    assert reference_parameters(case.case, "undeformed")[film.DISPLACEMENT] == 0.0
     Watched("linearize", case, tmp_path / "a.zarr")
     passive = tiny_case("linearize.points=2", "excitation.displacement=0.0", stages=("linearize",))
     Watched("linearize", passive, tmp_path / "b.zarr")
@@ -136,10 +139,14 @@ def test_resuming_gives_the_same_bytes(tmp_path: Path, stops: list[int]) -> None
     assert again.result == resumed.result
 
 
-def test_another_request_is_refused(tmp_path: Path) -> None:
-    Watched("linearize", tiny_case(), tmp_path / "a.zarr")
-    with pytest.raises(OtherConfigurationError, match="points"):
-        Watched("linearize", tiny_case("linearize.points=8"), tmp_path / "a.zarr")
+def test_another_request_is_computed_again(tmp_path: Path) -> None:
+    """Also one of which rows are left: a speed costs less than a second."""
+    Watched("linearize", tiny_case(), tmp_path / "a.zarr", stop_after=3)
+    wider = tiny_case("linearize.points=4", "linearize.speed_range=[0.6, 1.2]")
+    assert Watched("linearize", wider, tmp_path / "a.zarr").finished == 4
+    assert linear(tmp_path / "a.zarr")["speed"].tolist() == np.linspace(0.6, 1.2, 4).tolist()
+    Watched("linearize", wider, tmp_path / "b.zarr")
+    assert compare_trees(tmp_path / "a.zarr" / "cases", tmp_path / "b.zarr" / "cases") == []
 
 
 def test_no_equilibrium_is_a_result(tmp_path: Path) -> None:
@@ -223,3 +230,28 @@ def test_what_is_unstable_from_the_start_is_told_beside_a_later_instability(
     found = instability(monkeypatch, 0.1, -0.1, 0.2)
     assert (found["instability_speed"], found["unstable_from_start"]) == (1.5, True)
     assert "unstable_from_start" not in instability(monkeypatch, -0.1, -0.2, 0.2)
+
+
+def test_decrements_and_directions_of_every_eigenvalue(tmp_path: Path) -> None:
+    """The direction from the area that the nodes' ellipses enclose, computed from the dense eigenvectors."""
+    from pipelines.machine.rotor_modes import whirl_directions
+    from pipelines.orbits.equilibria.modes import node_shapes
+
+    case = tiny_case("linearize.points=2")
+    Watched("linearize", case, tmp_path / "a.zarr")
+    group, machine = linear(tmp_path / "a.zarr"), build_machine(case.case)
+    still = at_rest(at_speed(parameter_vector(case.case), float(group["speed"][1])))
+    values, vectors = np.linalg.eig(machine.jacobian(0.0, group["state"][1], still).toarray())
+    names = {1: "forward", -1: "backward", 0: "mixed"}
+    for index, eigenvalue in enumerate(group["eigenvalues"][1]):
+        decrement, direction = group["logarithmic_decrement"][1, index], group.labels("direction")[1, index]
+        if abs(eigenvalue.imag) < 1e-9:
+            assert (np.isnan(decrement), direction) == (True, "unset")
+            continue
+        assert decrement == pytest.approx(-2.0 * np.pi * eigenvalue.real / eigenvalue.imag, rel=1e-12)
+        ratio = group["damping_ratio"][1, index]
+        assert decrement == pytest.approx(2.0 * np.pi * ratio / np.sqrt(1.0 - ratio**2), rel=1e-9)
+        same = int(np.argmin(np.abs(values - eigenvalue)))
+        found = whirl_directions(node_shapes(machine, vectors[:, [same]]))
+        assert direction == names[int(found[0])]
+    assert np.isfinite(group["logarithmic_decrement"][1]).sum() >= 4

@@ -12,17 +12,9 @@ import pytest
 
 from pipelines.datasets.store import Store, open_for_writing
 from pipelines.stages.reports.operating_range import REFERENCE_FREQUENCY
-from pipelines.stages.reports.paper_comparison import (
-    DISPLACEMENT,
-    GAIN,
-    IN_THE_PAPER,
-    NOT_COMPLETE,
-    PERIOD_DOUBLING_SPEED,
-    PRINTED,
-    Row,
-    compare_paper,
-    read_cases_of_paper,
-)
+from pipelines.stages.reports.paper_comparison import GAIN, PERIOD_DOUBLING_SPEED, PRINTED, compare_paper
+from pipelines.stages.reports.paper_planes import DISPLACEMENT, NOT_COMPLETE, read_cases_of_paper
+from pipelines.stages.reports.paper_rows import IN_THE_PAPER, Row
 from tests.helpers.curves import curve_rows, oval, write_curve, write_set
 from tests.helpers.paper import BEND, store_of, threshold, write_threshold
 
@@ -66,7 +58,7 @@ def test_the_printed_numbers_are_those_of_the_reference_table() -> None:
         for each in table
         if each["quantity"] == "anti-resonance excitation frequency"
     }
-    assert frequencies == {printed.foil_stiffness: printed.antiresonance for printed in PRINTED}
+    assert frequencies == {printed.foil_stiffness: float(printed.antiresonance) for printed in PRINTED}
 
     def value(quantity: str, stiffness: str) -> tuple[float, float]:
         (text,) = (
@@ -80,13 +72,13 @@ def test_the_printed_numbers_are_those_of_the_reference_table() -> None:
     for printed in PRINTED:
         stiffness = f"{printed.foil_stiffness:g}"
         assert value("NS threshold speed reference", stiffness) == (
-            printed.low_threshold,
+            float(printed.low_threshold),
             REFERENCE_FREQUENCY,
         )
-        assert value("NS threshold speed with PE", stiffness)[0] == printed.threshold
-    assert value("PD bifurcation", "3") == (PERIOD_DOUBLING_SPEED, PRINTED[0].antiresonance)
+        assert value("NS threshold speed with PE", stiffness)[0] == float(printed.threshold)
+    assert value("PD bifurcation", "3") == (float(PERIOD_DOUBLING_SPEED), float(PRINTED[0].antiresonance))
     (gain,) = (each["value"] for each in table if each["quantity"] == "gain in threshold speed")
-    assert gain.startswith(f"up to {GAIN:.0%}")
+    assert gain.startswith(f"up to {float(GAIN):.0%}")
     assert {each["delta_bar"] for each in table if each["Omega_ex_bar"] == "0.63"} == {f"{DISPLACEMENT:g}"}
 
 

@@ -39,9 +39,12 @@ def test_nothing_is_there(tmp_path: Path) -> None:
     assert [each.points for each in found.values()] == [0] * 4
     assert [each.most for each in found.values()] == [7, 6, 20, None]
     times = [each.seconds for each in found.values()]
-    assert all(seconds > 0.0 for seconds in times[:3])
-    assert times[3] is None
-    assert "meets no new curve; a point takes about" in found["bifurcation_set"].note
+    assert all(seconds > 0.0 for seconds in times)
+    assert [each.least_seconds for each in found.values()][:3] == [None] * 3
+    least = found["bifurcation_set"].least_seconds
+    assert least is not None
+    assert 0.0 < least < times[3]
+    assert "4 lines" in found["bifurcation_set"].note
     assert list(tmp_path.iterdir()) == []
 
 
@@ -59,8 +62,9 @@ def test_what_is_there_is_counted_and_nothing_is_written(begun: Path) -> None:
 def test_other_tables(begun: Path) -> None:
     other = tiny_case("linearize.points=9", "criticals.points=9", "continue_cycles.step=0.01")
     found = planned(other, begun, *CHAIN)
-    assert found["linearize"].there is StageStatus.DIFFERENT_SETTINGS
+    assert found["linearize"].there is StageStatus.NOTHING, "it is computed anew"
     assert found["criticals"].there is StageStatus.NOTHING, "it is computed anew"
+    assert found["linearize"].seconds > 0.0
     assert found["criticals"].seconds > 0.0
     assert found["continue_cycles"].there is StageStatus.DIFFERENT_SETTINGS
     more = planned(tiny_case("continue_cycles.max_points=40"), begun, "continue_cycles")["continue_cycles"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -257,9 +258,10 @@ def test_a_start_whose_speed_would_jump(everything, units):
 
     error = refused(everything, *words, beginning(0.6 * rpm))
     assert error.reason.startswith("transient.speeds: ")
-    assert f"{rpm:.7g}" in error.reason
+    assert f"turns with 1 ({scales.speed_rpm_per_unit:.7g} rpm)" in error.reason
     assert "would jump" in error.reason
-    copied = float(error.advice.split("begin the table with ")[1].split(",")[0])
+    told = re.search(r"begin the table with (\S+) \((\S+) rpm\), or", error.advice)
+    copied = float(told[1 if units == "dimensionless" else 2])
     assert copied == pytest.approx(rpm, rel=1e-9)
     drive = prepare_run(tiny_case(*words, beginning(copied)), open_for_reading(everything)).drive
     assert float(drive.speed(np.array(0.0))) == pytest.approx(1.0, rel=1e-9)

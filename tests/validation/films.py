@@ -19,6 +19,7 @@ from scipy.interpolate import interp1d
 from scipy.optimize import brentq
 
 from pipelines.machine.bearing import Bearing, FilmSettings, FilmState, film_state, pack_bearing
+from pipelines.orbits.equilibria.bearing_coefficients import stiffness_and_damping
 from pipelines.orbits.equilibria.equilibrium import film_equilibrium
 from pipelines.orbits.equilibria.linear import dynamic_stiffness
 
@@ -66,6 +67,18 @@ class Film:
             self.bearing, self.steady(position), np.array(position), self.parameters, exponents
         )
 
+    def coefficients(
+        self, position: tuple[float, float], whirl_ratios: Sequence[float]
+    ) -> tuple[Array, Array]:
+        """K and C at the whirl ratios, shapes (ratios, 2, 2)."""
+        return stiffness_and_damping(
+            self.bearing,
+            self.steady(position),
+            np.array(position),
+            self.parameters,
+            self.speed * np.asarray(whirl_ratios, dtype=np.float64),
+        )
+
 
 def film(
     grid: tuple[int, int],
@@ -76,6 +89,7 @@ def film(
     loss_factor: float = 1.0,
     periodic: bool = True,
     clipping: str = "full",
+    scheme: str = "central",
     **switches: Any,
 ) -> Film:
     """A bearing on a grid N_theta x N_z; ``slenderness`` = L/D, an infinite foil stiffness makes it rigid.
@@ -88,6 +102,7 @@ def film(
         axial=grid[1],
         periodic=periodic,
         clipping=clipping,
+        scheme=scheme,
         kappa=0.5 / slenderness,
         loss_factor=1.0 if rigid else loss_factor,
         stiffness_ratio=0.0 if rigid else 1.0,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from .error_table import DEFAULT_GRID, concentric_pair
+from .error_table import DEFAULT_GRID, DEFAULT_SCHEME, concentric_pair
 from .films import (
     ausman_response,
     concentric_stiffness,
@@ -32,9 +32,10 @@ def test_ausman_printed_values() -> None:
 def test_small_eccentricity_gives_ausmans_force(slenderness: float, speed: float) -> None:
     """The nonlinear static force at eps = 1e-3, where Ausman's neglect is of order eps^2."""
     eccentricity = 1e-3
-    force = film(DEFAULT_GRID, slenderness=slenderness, speed=speed).force((eccentricity, 0.0)) / eccentricity
+    case = film(DEFAULT_GRID, slenderness=slenderness, speed=speed, scheme=DEFAULT_SCHEME)
+    force = case.force((eccentricity, 0.0)) / eccentricity
     response = np.pi * ausman_response(1j * speed, slenderness)
-    assert relative(force, np.array([-response.real, abs(response.imag)])) <= 0.005
+    assert relative(force, np.array([-response.real, abs(response.imag)])) <= 0.002
 
 
 @pytest.mark.parametrize("row", reference_table("concentric_dynamic_stiffness"))
@@ -46,13 +47,28 @@ def test_closed_form_gives_the_table(row: dict[str, str]) -> None:
 
 
 def test_default_grid_matches_dynamic_stiffness() -> None:
-    """At most 0.5 %, in the norm of Z and in every entry relative to the largest."""
+    """At most 0.01 %, in the norm of Z and in every entry relative to the largest."""
     for row in reference_table("concentric_dynamic_stiffness"):
-        computed, exact = concentric_pair(DEFAULT_GRID, row)
-        assert relative(computed, exact) <= 0.005, row
-        assert abs(computed - exact).max() <= 0.005 * abs(exact).max(), row
+        computed, exact = concentric_pair(DEFAULT_GRID, row, DEFAULT_SCHEME)
+        assert relative(computed, exact) <= 1e-4, row
+        assert abs(computed - exact).max() <= 1e-4 * abs(exact).max(), row
         # The film is isotropic: Z_yy = Z_xx, Z_yx = -Z_xy, on any grid.
         np.testing.assert_allclose(computed[1], [-computed[0, 1], computed[0, 0]], rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("row", reference_table("concentric_dynamic_stiffness")[::5])
+def test_stiffness_and_damping_of_slow_whirl(row: dict[str, str]) -> None:
+    """K(0) = Z(0) and C(0) = Z'(0) of the closed form, its derivative by central differences."""
+    arguments = [float(row[name]) for name in ("L_over_D", "Lambda", "kf_bar", "eta")]
+    slenderness, speed, foil, loss = arguments
+    case = film((160, 4), slenderness=slenderness, speed=speed, foil_stiffness=foil, loss_factor=loss)
+    stiffness, damping = (each[0] for each in case.coefficients((0.0, 0.0), [0.0]))
+    step = 1e-4
+    low, static, high = (
+        concentric_stiffness(slenderness, speed, sigma, foil, loss) for sigma in (-step, 0.0, step)
+    )
+    assert relative(stiffness, static.real) <= 1e-3
+    assert relative(damping, (high - low).real / (2.0 * step)) <= 1e-3
 
 
 def dynamic_stiffness_error(
@@ -84,7 +100,8 @@ def test_backward_scheme_is_of_first_order() -> None:
 
 
 def test_backward_scheme_is_far_coarser_at_equal_grid() -> None:
-    assert dynamic_stiffness_error(DEFAULT_GRID, "backward") > 5.0 * dynamic_stiffness_error(DEFAULT_GRID)
+    errors = [dynamic_stiffness_error((40, 3), scheme) for scheme in ("backward", "central", "fourth_order")]
+    assert errors[0] > 5.0 * errors[1] > 25.0 * errors[2]
 
 
 def axial_changes(axial: str, counts: list[int]) -> list[float]:

@@ -22,12 +22,14 @@ class CurveConstraint(Constraint[Position]):
     """What fixes one point of a curve: row . u = value.
 
     ``across``: a row that tells the second tangent of the surface from the first; ``gradient``: the row
-    gamma of the test function; ``metric`` measures its Broyden updates.
+    gamma of the test function; ``metric`` measures its Broyden updates; ``follows``: whether gamma comes from
+    a point of the curve, which has told its slope along the tangent.
     """
 
     across: Position
     gradient: Position
     metric: PlaneMetric
+    follows: bool = True
 
 
 @dataclass(frozen=True)
@@ -95,11 +97,14 @@ class History:
         critical = max(abs(self.test_values[-1]), invariance) <= options.multiplier_tolerance
         return critical and self.residual_norms[-1] <= options.tolerance
 
-    @property
-    def stalls(self) -> bool:
-        """Whether the last step reduced the test function by less than half."""
+    def stalls(self, follows: bool = True) -> bool:
+        """Whether the last step reduced the test function by less than half.
+
+        The first step of a guess that ``follows`` a curve does not count: it tells how the correction towards
+        the surface changes the test function.
+        """
         values = self.test_values
-        return len(values) > 1 and abs(values[-1]) > _STALLED * abs(values[-2])
+        return len(values) > 1 + follows and abs(values[-1]) > _STALLED * abs(values[-2])
 
     def stuck(self, problem: CurveProblem) -> bool:
         """Whether the last steps made no progress while the test function is not yet small."""
@@ -107,7 +112,7 @@ class History:
         before, recent = sizes[:-_PATIENCE], sizes[-_PATIENCE:]
         if not before or min(sizes) <= problem.options.multiplier_tolerance:
             return False
-        return self.stalls and min(recent) > _STALLED * min(before)
+        return self.stalls() and min(recent) > _STALLED * min(before)
 
     @property
     def diverged(self) -> bool:

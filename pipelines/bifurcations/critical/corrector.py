@@ -9,7 +9,10 @@ The bordered corrector finds beta from the test function g.  Its gradient row ga
 tangents of the last point and learnt elsewhere by Broyden updates, which costs no passes, and measured only
 where that does not get on:
 
-    beta = -(g + gamma d_r)/(gamma t),      gamma += (dg - gamma du)/<du, du> <du, .>
+    beta = -(g + gamma d_r)/(gamma t),      gamma += (dg - gamma du)/<w, du> <w, .>
+
+with w the part of the first step at right angles to t where the last point of the curve has told gamma t, and
+w = du else.
 
 The extended one is in ``pipelines.bifurcations.critical.extended_system``.
 """
@@ -37,7 +40,6 @@ from pipelines.bifurcations.critical.critical_cycles import (
 from pipelines.bifurcations.critical.cycle_manifold import (
     ManifoldLinearisation,
     ManifoldStep,
-    PicardColumns,
     manifold_step,
     refined_step,
 )
@@ -50,6 +52,7 @@ from pipelines.orbits.shooting import NewtonStop
 from pipelines.orbits.system import Matrix
 
 _BROYDEN_NOISE = 0.1  # share of a change of g that the settling of the basis may explain
+_BESIDE = 0.2  # share of a step beside a tangent below which it tells nothing about gamma there
 
 
 def correct_critical(
@@ -93,7 +96,7 @@ def with_converged_multipliers(
         image = at.with_columns(image, np.hstack([basis, vectors.columns]))
     if basis is found.basis:
         return found
-    passed = picard_pass(at, basis, vectors, image, found.linear.picard)
+    passed = picard_pass(at, basis, vectors, image, found.linear.whole)
     critical = critical_of(passed, bordering)
     return found if critical is None else CriticalCycle(passed.linear, critical, found.gradient)
 
@@ -102,9 +105,10 @@ def _correct_bordered(
     at: MapAt, constraint: CurveConstraint, basis: Matrix, bordering: BorderingVectors
 ) -> CurveCorrection:
     history, vectors = History(), vectors_of(bordering, at.problem.kind)
-    gradient, last = constraint.gradient, 0.0
+    gradient, last, metric = constraint.gradient, 0.0, constraint.metric
     moved: Position | None = None
-    warm: PicardColumns | None = None
+    wrong: Position | None = None
+    warm: Matrix | None = None
     for _ in range(at.problem.options.iterations + 1):
         passed = critical_pass(at, basis, vectors, warm)
         if passed is None:
@@ -113,8 +117,9 @@ def _correct_bordered(
         if critical is None:
             return history.ended(NewtonStop.SINGULAR)
         linear = passed.linear
-        if moved is not None:
-            gradient = _learnt(gradient, moved, critical.value - last, critical.error, constraint.metric)
+        if moved is not None and wrong is not None:
+            change = critical.value - last
+            gradient = _learnt(gradient, moved, wrong, change, critical.error, metric)
         history = history.and_then(max(linear.residual, constraint.error(at.position)), critical.value)
         if history.converged(at.problem, critical.error):
             return history.ended(NewtonStop.CONVERGED, CriticalCycle(linear, critical, gradient))
@@ -126,31 +131,43 @@ def _correct_bordered(
         step = manifold_step(linear, rows, (constraint.gap(at.position), 0.0))
         if step is None:
             return history.ended(NewtonStop.SINGULAR)
-        if history.stalls:
+        if history.stalls(constraint.follows):
             gradient = _measured(linear, critical, gradient, step, constraint.metric)
         slope = gradient.dot(step.across)
         if slope == 0.0:
             return history.ended(NewtonStop.SINGULAR)
         # beta = -(g + gamma d_r)/(gamma t)
         beta = -(critical.value + gradient.dot(step.correction)) / slope
-        moved, last = refined_step(linear, rows, step, beta), critical.value
+        first, last = moved is None and constraint.follows, critical.value
+        moved = refined_step(linear, rows, step, beta)
         if moved is None:
             return history.ended(NewtonStop.SINGULAR)
+        # in the first step gamma is wrong beside the tangent, along which the last point has told it
+        wrong = _beside(moved, step.across, metric) if first else moved
         at, basis = at.beside(moved, 1.0), following(basis, linear.image.columns)
         vectors = Vectors(critical.right, critical.right_period or 0.0)
-        warm = linear.picard
+        warm = linear.whole
         del passed, linear  # free the factors before the next pass makes its own
     return history.given_up(NewtonStop.ITERATIONS, at)
 
 
+def _beside(moved: Position, across: Position, metric: PlaneMetric) -> Position | None:
+    """The part of a step at right angles to the tangent ``across``; None where it is short."""
+    rest = moved.plus(across, -metric.inner(across, moved) / metric.inner(across, across))
+    return rest if metric.norm(rest) > _BESIDE * metric.norm(moved) else None
+
+
 def _learnt(
-    gradient: Position, moved: Position, change: float, noise: float, metric: PlaneMetric
+    gradient: Position, moved: Position, along: Position, change: float, noise: float, metric: PlaneMetric
 ) -> Position:
-    """Broyden: gamma += (dg - gamma du)/<du, du> <du, .>, unless dg is only the basis settling."""
-    size = metric.inner(moved, moved)
+    """Broyden: gamma += (dg - gamma du)/<w, du> <w, .>, unless dg is only the basis settling.
+
+    ``along``: w, the part of a step du along which gamma was wrong.
+    """
+    size = metric.inner(along, moved)
     if size == 0.0 or noise > _BROYDEN_NOISE * abs(change):
         return gradient
-    return gradient.plus(metric.row(moved), (change - gradient.dot(moved)) / size)
+    return gradient.plus(metric.row(along), (change - gradient.dot(moved)) / size)
 
 
 def _measured(

@@ -98,7 +98,7 @@ class CriticalPass:
 
 
 def critical_pass(
-    at: MapAt, basis: Matrix, vectors: Vectors, warm: PicardColumns | None = None
+    at: MapAt, basis: Matrix, vectors: Vectors, warm: Matrix | None = None
 ) -> CriticalPass | None:
     """One full pass with the critical vectors and the sweeps that belong to it; None when it diverges."""
     image = at.full_pass(np.hstack([basis, vectors.columns]))
@@ -106,7 +106,7 @@ def critical_pass(
 
 
 def picard_pass(
-    at: MapAt, basis: Matrix, vectors: Vectors, image: PeriodImage, warm: PicardColumns | None = None
+    at: MapAt, basis: Matrix, vectors: Vectors, image: PeriodImage, warm: Matrix | None = None
 ) -> CriticalPass:
     """The Picard sweeps for a full pass with the columns [basis, vectors]; ``warm`` as in ``linearise``."""
     kind, columns = at.problem.kind, basis.shape[1]
@@ -158,18 +158,23 @@ class CriticalDerivatives:
 
 
 def critical_derivatives(
-    linear: ManifoldLinearisation, critical: Critical, directions: tuple[Position, ...], metric: PlaneMetric
+    linear: ManifoldLinearisation,
+    critical: Critical,
+    directions: tuple[Position, ...],
+    metric: PlaneMetric,
+    sharp: bool = False,
 ) -> CriticalDerivatives:
     """dg and d tr A along each direction.
 
-    From one pass with the m critical columns per direction, two if the period is unknown.
+    From one pass with the m critical columns per direction, two if the period is unknown or it must be
+    ``sharp``.
     """
     count = critical.right.shape[1]
     weights = None
     if critical.right_period is not None:
         weights = np.array([critical.right_period * linear.period_unit])
     slopes, phases = map_slopes(
-        linear.at, linear.image, critical.right, weights, directions, linear.scale, metric
+        linear.at, linear.image, critical.right, weights, directions, linear.scale, metric, sharp
     )
     left = left_products(linear, critical, slopes, phases, _LEFT_TOLERANCE)
     parts = [left[:, count * i : count * (i + 1)] for i in range(len(directions))]

@@ -29,7 +29,9 @@ from pipelines.orbits.solving import solve_or_none
 from pipelines.orbits.system import Matrix, Vector
 
 RESIDUAL_TOLERANCE = 1e-3  # of the Picard part of a residual, relative to the residual
+_FIRST_TOLERANCE = 1e-2  # likewise in the first pass of a correction: the next one takes what is left
 _SETTLED = 0.1  # share of the corrector's tolerance below which it is not needed
+_CURVED = 10.0  # likewise of the square of a relative change of the state: second derivatives leave more
 _NO_INFLUENCE = 0.1  # share of the corrector's tolerance below which a Picard change is left alone
 
 
@@ -105,6 +107,11 @@ class ManifoldLinearisation:
         """The size of the states on the orbit."""
         return self.at.problem.period_map.scale(self.image.orbit)
 
+    @property
+    def whole(self) -> Matrix:
+        """M q_x + x (N, 3 or 4), whose part outside V is q_x and outside a nearby basis nearly its q_x."""
+        return np.asarray(self.sources + self.picard.image)
+
     def mapped(self, columns: Matrix) -> Matrix:
         """M columns, along the orbit of the full pass."""
         return self.at.with_columns(self.image, columns).columns
@@ -121,32 +128,25 @@ def period_unit(at: MapAt, image: PeriodImage) -> float:
 
 
 def linearise(
-    at: MapAt,
-    basis: Matrix,
-    image: PeriodImage,
-    defect: Matrix,
-    inverse: Matrix,
-    warm: PicardColumns | None = None,
+    at: MapAt, basis: Matrix, image: PeriodImage, defect: Matrix, inverse: Matrix, warm: Matrix | None = None
 ) -> tuple[ManifoldLinearisation, PicardColumns]:
     """The Picard parts for a full pass and for a ``defect`` (N, m) of critical vectors, in common sweeps.
 
     The defect's part solves q A = Q (M q + defect), with ``inverse`` (m, m) = A^-1.
 
-    ``warm``: the Picard parts of the last position, whose q_j are first guesses.  The Picard iteration of the
-    residual and of the defect ends earlier than that of the derivatives: the next correction takes what is
-    left.
+    ``warm``: M q_j + phi_j of the last position (`ManifoldLinearisation.whole`), for first guesses of q_j.
     """
     sources = np.column_stack([image.state - at.position.state, image.inhomogeneous])
     count, defects = sources.shape[1], defect.shape[1]
     both = np.eye(count + defects)
     both[count:, count:] = inverse
-    tolerances = np.full(count + defects, RESIDUAL_TOLERANCE)
+    tolerances = np.full(count + defects, _FIRST_TOLERANCE if warm is None else RESIDUAL_TOLERANCE)
     tolerances[1:count] = at.problem.options.picard_tolerance
     together = np.hstack([sources, defect])
     guess = None
     if warm is not None:
         guess = together @ both
-        guess[:, 1:count] = warm.columns[:, 1:]
+        guess[:, 1:count] = warm[:, 1:]
     sizes = np.full(count + defects, at.problem.period_map.scale(image.orbit))
     sizes[count:] = 1.0
     picard = picard_iteration(at, image, basis, together, both, tolerances, guess, sizes)
@@ -159,7 +159,7 @@ def manifold_rows(linear: ManifoldLinearisation) -> tuple[Matrix, Vector]:
     """Matrix and right side of the periodicity (and phase) rows; unknowns (a, dl_1, dl_2[, dT])."""
     basis, image, picard = linear.basis, linear.image, linear.picard
     # V'(M - I)V a + V'(phi_j + M q_j) dl_j + V'(phi_T + M q_T) dT = -V'(r + M q_r)
-    reduced = basis.T @ (linear.sources + picard.image)
+    reduced = basis.T @ linear.whole
     matrix = np.hstack([basis.T @ image.columns - np.eye(basis.shape[1]), reduced[:, 1:]])
     right = -reduced[:, 0]
     if linear.at.problem.period_map.autonomous:
@@ -233,10 +233,10 @@ def refined_step(
     if linear.basis.shape[0] == linear.basis.shape[1]:
         return moved
     size = linear.scale * math.sqrt(len(moved.state))
-    share = float(np.linalg.norm(linear.sources[:, 0])) / size
+    share = float(np.linalg.norm(moved.state)) / size
     left, phase = _left_over(linear, step.solutions[:, 0] + across * step.solutions[:, 2], moved)
     tolerance = linear.at.problem.options.tolerance
-    if float(np.linalg.norm(left)) <= size * _SETTLED * max(tolerance, share * share):
+    if float(np.linalg.norm(left)) <= size * max(_SETTLED * tolerance, _CURVED * share * share):
         return moved
     again = manifold_step(_with_residual(linear, left, phase), rows, (0.0, 0.0))
     return None if again is None else moved.plus(again.correction)
@@ -246,7 +246,7 @@ def _left_over(linear: ManifoldLinearisation, solution: Vector, moved: Position)
     """What a step leaves of r + (M - I) ds + phi_j dl_j + phi_T dT and of the phase condition."""
     columns, image, picard = linear.basis.shape[1], linear.image, linear.picard
     inside, weights = solution[:columns], np.concatenate([[1.0], solution[columns:]])
-    mapped = image.columns @ inside + (linear.sources + picard.image) @ weights
+    mapped = image.columns @ inside + linear.whole @ weights
     phases = image.phase_columns @ inside + picard.phase @ weights
     return mapped - moved.state, image.phase + float(phases + image.phase_inhomogeneous @ weights[1:])
 

@@ -63,7 +63,7 @@ def correct_extended(
         return history.ended(NewtonStop.SINGULAR)
     vectors, angle = _first_vectors(critical)
     reference, passed = vectors, _mapped(passed, vectors)
-    warm: PicardColumns | None = None
+    warm: Matrix | None = None
     for iteration in range(at.problem.options.iterations + 1):
         if iteration > 0:
             passed = critical_pass(at, basis, Vectors(vectors), warm)
@@ -90,7 +90,7 @@ def correct_extended(
             return history.ended(NewtonStop.SINGULAR)
         at = at.beside(step.correction.plus(step.across, update.beta), 1.0)
         vectors, angle = vectors + update.vectors, angle + update.angle
-        basis, warm = following(basis, linear.image.columns), linear.picard
+        basis, warm = following(basis, linear.image.columns), linear.whole
         del passed, linear  # free the factors before the next pass makes its own
     return history.given_up(NewtonStop.ITERATIONS, at)
 

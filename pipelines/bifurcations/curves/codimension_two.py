@@ -25,7 +25,7 @@ from types import MappingProxyType
 import numpy as np
 
 from pipelines.bifurcations.critical.critical_cycles import Critical
-from pipelines.bifurcations.curve import SpecialKind, SpecialPoint
+from pipelines.bifurcations.curve import SpecialKind, SpecialPoint, TongueSide
 from pipelines.bifurcations.detection import EventKind, signed_smallest
 from pipelines.bifurcations.normal_forms.coefficients import NormalForm
 from pipelines.orbits.floquet import Complex, nontrivial
@@ -76,14 +76,19 @@ class SecondBifurcation:
 def second_bifurcation(curve: EventKind, special: SpecialPoint, autonomous: bool) -> SecondBifurcation | None:
     """The bifurcation whose curve meets a curve of kind ``curve`` in a special point; None if there is none.
 
-    At R1 and R2 the Neimark-Sacker curve ends on the other one, with a pair of critical multipliers in all;
-    elsewhere two curves cross.  R1 of cycles of unknown period is a different resonance and gives None.
+    At R1 and R2 the Neimark-Sacker curve ends on the other one, with a pair of critical multipliers in all,
+    and goes on from the far side of a tongue; elsewhere two curves cross.  R1 of cycles of unknown period is
+    a different resonance and gives None, as an unresolved tongue does.
     """
     if special.kind not in MEETING_CURVES or (special.kind is SpecialKind.R1 and autonomous):
+        return None
+    if special.tongue is TongueSide.UNRESOLVED:
         return None
     first, last = MEETING_CURVES[special.kind]
     kind = last if curve is first else first
     if special.kind in (SpecialKind.R1, SpecialKind.R2):
+        if special.tongue is TongueSide.FAR:  # the curves around the tongue start from its near side
+            kind = EventKind.NEIMARK_SACKER
         pair = other_multipliers(EventKind.NEIMARK_SACKER, special.multipliers, special.cos_theta, autonomous)
         return SecondBifurcation(kind, 0.0 if special.kind is SpecialKind.R1 else math.pi, pair)
     others = other_multipliers(curve, special.multipliers, special.cos_theta, autonomous)

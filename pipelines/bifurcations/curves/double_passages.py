@@ -53,14 +53,15 @@ def dip_through(
     return ()
 
 
-def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, float]) -> Bracket | None:
-    """Where cos theta is beyond 1 (R1) or -1 (R2) inside a Neimark-Sacker segment but at neither end.
+def dip_beyond(
+    points: SegmentPoints, special: SpecialKind, start: tuple[float, float]
+) -> tuple[float, float] | None:
+    """Where cos theta is farthest beyond 1 (R1) or -1 (R2) inside a Neimark-Sacker segment, at neither end.
 
     ``start``: cos theta and its slope at the start.  The cubic through both ends shows whether cos theta may
-    leave [-1, 1]; then the zero of the slope is found.  None when cos theta turns back before, when a point
-    fails, and when cos theta is beyond by less than its own error: with an error e of the multipliers
-
-        mu_1 - mu_2 = 2 sqrt(cos_theta^2 - 1) > e      or nearly      |cos_theta| - 1 > e^2/8
+    leave [-1, 1]; then the zero of the slope is found.  Returns its fraction and abs(cos theta) - 1 there,
+    which is negative where cos theta turns back before; None when the cubic stays far inside or a point
+    fails.
     """
     segment, sign = points.segment, 1.0 if special is SpecialKind.R1 else -1.0
     before = 1.0 - sign * start[0]
@@ -79,11 +80,7 @@ def dip_beyond(points: SegmentPoints, special: SpecialKind, start: tuple[float, 
         beyond = sign * points.critical(lowest).cos_theta - 1.0
     except NotConvergedError:
         return None
-    options = segment.problem.options
-    error = float(np.fmax(options.step_tolerance, segment.end.point.step_error))
-    if beyond <= max(error**2 / 8.0, options.multiplier_tolerance):
-        return None
-    return Bracket(special, (0.0, lowest), (before, -beyond), touching=True)
+    return lowest, beyond
 
 
 def _may_dip(segment: CurveSegment, sign: float, before: float, start_slope: float) -> bool:

@@ -29,6 +29,8 @@ from pipelines.orbits.shooting import NewtonStop, correct, first_basis, referenc
 from pipelines.orbits.system import Matrix
 from pipelines.orbits.time_steps import RequiredSteps, first_steps, required_steps_at
 
+_TRIAL = 1e-3  # of the first step, on both sides of a resonance
+
 
 def start_curve(
     problem: CurveProblem, start: CurveStart, options: CurveOptions
@@ -128,21 +130,25 @@ def _facing_inwards(
 ) -> CurveEnd:
     """The first point on R1 or R2 with the tangent towards abs(cos_theta) < 1, where its pair is complex.
 
-    The slope of cos theta is a difference of large numbers there, so a trial step decides, or else the slope.
-    The trial is short, because another curve may leave another resonance nearby.
+    The slope of cos theta is a difference of large numbers there, so trial steps to both sides decide, or
+    else the slope.  With f = 1 - abs(cos theta) = c x (x + w) behind a tongue of width w, the sign of
+    f(x) - f(-x) = 2 c w x is right also where a trial steps across the tongue.
     """
     row = metric.row(end.tangent)
-    guess = end.position.plus(end.tangent, math.sqrt(options.step * options.minimum_step))
-    constraint = CurveConstraint(row, row.dot(guess), metric.row(end.normal), end.gradient, metric)
     cycle = end.point.cycle
     reference = reference_of(problem.cycle_problem(end.position), problem.unknowns(end.position), cycle.steps)
-    found = correct_critical(
-        problem, guess, constraint, cycle.basis, end.bordering, cycle.steps, reference
-    ).point
+
+    def inside(distance: float) -> float:
+        guess = end.position.plus(end.tangent, distance)
+        constraint = CurveConstraint(row, row.dot(guess), metric.row(end.normal), end.gradient, metric)
+        found = correct_critical(
+            problem, guess, constraint, cycle.basis, end.bordering, cycle.steps, reference
+        ).point
+        return math.nan if found is None else 1.0 - abs(found.critical.cos_theta)
+
+    ahead, behind = (inside(side * _TRIAL * options.step) for side in (1.0, -1.0))
     inwards = (
-        end.cos_theta_slope * end.point.cos_theta < 0.0
-        if found is None
-        else abs(found.critical.cos_theta) < 1.0
+        end.cos_theta_slope * end.point.cos_theta < 0.0 if math.isnan(ahead - behind) else ahead > behind
     )
     if inwards:
         return end

@@ -146,4 +146,4 @@ def _constraint(
         return None
     gradient = metric.row(first).scaled(float(slopes[0])).plus(metric.row(second), float(slopes[1]))
     row = at.problem.row_of_parameter(held)
-    return CurveConstraint(row, row.dot(at.position), metric.row(along), gradient, metric)
+    return CurveConstraint(row, row.dot(at.position), metric.row(along), gradient, metric, follows=False)

@@ -18,7 +18,7 @@ from pipelines.bifurcations.critical.critical_cycles import (
     with_sharp_left,
 )
 from pipelines.bifurcations.critical.cycle_manifold import manifold_step
-from pipelines.bifurcations.curve import CurvePoint, SpecialKind, SpecialPoint
+from pipelines.bifurcations.curve import CurvePoint, CurveState, SpecialKind, SpecialPoint
 from pipelines.bifurcations.curves.codimension_two import (
     genuine,
     other_multipliers,
@@ -31,7 +31,7 @@ from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.normal_forms.smoothed import smoothed_normal_form
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
 from pipelines.bifurcations.roots import Node, zero
-from pipelines.orbits.floquet import floquet_spectrum
+from pipelines.orbits.floquet import FloquetSpectrum, floquet_spectrum
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import Cycle
 from pipelines.orbits.system import Matrix, Vector
@@ -39,6 +39,7 @@ from pipelines.orbits.system import Matrix, Vector
 _RECORDED = 1e-7  # residual asked of the multipliers of an ordinary point
 _RECORDED_LEFT, _SHARP_LEFT = 1e-6, 1e-10  # last term of the series for left vectors, likewise
 _END_WIDTH = 1e-10  # of arclength: cos_theta changes by far less than what counts as its end
+_VAGUE = 0.1  # share of what the regularisations leave undecided, to which a zero of a coefficient is located
 _NOISE = 0.1  # share of the tolerance of a test function below which cos theta tells nothing
 
 
@@ -62,6 +63,20 @@ class CurveEnd:
     cos_theta_slope: float
 
 
+@dataclass(frozen=True)
+class CurveStep:
+    """An accepted step: the state it begins from, its end, its length and the special points on it."""
+
+    begin: CurveState
+    end: CurveEnd
+    length: float
+    found: tuple[SpecialPoint, ...]
+
+    @property
+    def point(self) -> CurvePoint:
+        return self.end.point
+
+
 def curve_end(
     correction: CurveCorrection,
     found: CriticalCycle,
@@ -77,39 +92,57 @@ def curve_end(
     ``with_normal_form`` needs sharp left vectors; ``bordering``: the one it was corrected with; ``precise``:
     multipliers and left vectors as sharp as the options ask, to locate special points.
     """
-    sharp = found.linear.at.problem.options.multiplier_tolerance
-    found = with_converged_multipliers(found, bordering, sharp if precise else max(sharp, _RECORDED))
-    left = _SHARP_LEFT if precise else _RECORDED_LEFT
+    found = _with_multipliers(found, bordering, precise)
     if precise or options is not None:
-        found = replace(found, critical=with_sharp_left(found.linear, found.critical, left))
+        found = _with_left(found, precise)
     directions = _directions(found, constraint, sense)
     if directions is None:
         return None
     tangent, normal, gradient, cos_theta_slope = directions
-    linear, metric = found.linear, constraint.metric
-    bordering = next_bordering(linear.basis, found.critical)
+    bordering = next_bordering(found.linear.basis, found.critical)
     point = _point(correction, found)
-    tests = special_tests(
-        linear.at.problem.kind,
-        point.cycle.spectrum.multipliers,
-        found.critical,
-        _fold_curvature(found, metric),
-        linear.scale,
-        linear.at.problem.period_map.autonomous,
-    )
+    tests = _tests(found, point.cycle.spectrum, constraint.metric)
     found = found.without_factors()
     return CurveEnd(
         found, point, found.position, tangent, normal, gradient, bordering, tests, cos_theta_slope
     )
 
 
-def with_normal_form(end: CurveEnd, metric: PlaneMetric, options: NormalFormOptions | None) -> CurveEnd:
-    """The end with its normal form and its test, which cost more passes than the point; unchanged without."""
+def _with_multipliers(found: CriticalCycle, bordering: BorderingVectors, precise: bool) -> CriticalCycle:
+    sharp = found.linear.at.problem.options.multiplier_tolerance
+    return with_converged_multipliers(found, bordering, sharp if precise else max(sharp, _RECORDED))
+
+
+def _with_left(found: CriticalCycle, precise: bool) -> CriticalCycle:
+    left = _SHARP_LEFT if precise else _RECORDED_LEFT
+    return replace(found, critical=with_sharp_left(found.linear, found.critical, left))
+
+
+def _tests(found: CriticalCycle, spectrum: FloquetSpectrum, metric: PlaneMetric) -> Vector:
+    """The tests of special points at a corrected point, without those of normal forms."""
+    linear = found.linear
+    return special_tests(
+        linear.at.problem.kind,
+        spectrum.multipliers,
+        found.critical,
+        _fold_curvature(found, metric),
+        linear.scale,
+        linear.at.problem.period_map.autonomous,
+    )
+
+
+def with_normal_form(
+    end: CurveEnd, metric: PlaneMetric, options: NormalFormOptions | None, sharpest: bool = False
+) -> CurveEnd:
+    """The end with its normal form and its test, which cost more passes than the point; unchanged without.
+
+    ``sharpest``: without the error of its regularisation, as in ``smoothed_normal_form``.
+    """
     if options is None:
         return end
     plane = metric.row(end.tangent)
     across = CurveConstraint(plane, plane.dot(end.position), metric.row(end.normal), end.gradient, metric)
-    form = smoothed_normal_form(end.found, end.bordering, across, options)
+    form = smoothed_normal_form(end.found, end.bordering, across, options, sharpest)
     kind, scale = end.point.kind, end.found.linear.scale
     tests = with_form_test(end.tests, kind, form, end.found.critical.alignment, scale)
     return replace(end, point=replace(end.point, normal_form=form), tests=tests)
@@ -172,7 +205,7 @@ def _fold_curvature(found: CriticalCycle, metric: PlaneMetric) -> float:
         return 0.0
     period = (critical.right_period or 0.0) * linear.period_unit
     along = Position(critical.right[:, 0], period, np.zeros(2))
-    slope = critical_derivatives(linear, critical, (along,), metric).values[0]
+    slope = critical_derivatives(linear, critical, (along,), metric, sharp=True).values[0]
     return -float(slope) / _lengths(critical)
 
 
@@ -300,18 +333,33 @@ class SegmentPoints:
             end = curve_end(correction, point, constraint, chord, options, anchor.bordering, precise)
             if end is None:
                 raise NotConvergedError
-            self._ends[key] = with_normal_form(end, constraint.metric, options)
+            self._ends[key] = with_normal_form(end, constraint.metric, options, sharpest=True)
         return self._ends[key]
 
     def test(self, special: SpecialKind, fraction: float, options: NormalFormOptions | None) -> float:
         """The test of a special point at a fraction; raises when it does not converge or is not defined."""
         if _from_pair(self, special):
             value = resonance_tests(self.critical(fraction).cos_theta)[special]
+        elif (form := _form_for(special, options)) is not None:
+            value = float(self.end(fraction, form, True).tests[special - 1])
         else:
-            value = float(self.end(fraction, _form_for(special, options), True).tests[special - 1])
+            value = float(self._tests(fraction, special)[special - 1])
         if not np.isfinite(value):
             raise NotConvergedError
         return value
+
+    def test_at_end(self, special: SpecialKind) -> float:
+        """The test of a strong resonance at the end of the segment, on a Neimark-Sacker curve."""
+        return resonance_tests(self.segment.end.point.cos_theta)[special]
+
+    def _tests(self, fraction: float, special: SpecialKind) -> Vector:
+        """The tests at a fraction, of which one is sharp: it needs no tangents."""
+        correction, point, anchor = self._at(fraction)
+        point = _with_multipliers(point, anchor.bordering, True)
+        if special in (SpecialKind.R1, SpecialKind.R2):
+            point = _with_left(point, True)
+        self._corrected[fraction] = correction, point, anchor
+        return _tests(point, floquet_spectrum(point.basis, point.linear.image.columns), self.segment.metric)
 
     def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
         if fraction not in self._corrected:
@@ -375,7 +423,8 @@ def locate_special(
 ) -> tuple[SpecialPoint | None, CurveEnd] | None:
     """Locate the zero of one test function inside a bracket to ``width`` of arclength.
 
-    R1 and R2 of a Neimark-Sacker curve are located more accurately, because the curve ends there.
+    R1 and R2 of a Neimark-Sacker curve are located more accurately, because the curve ends there; the zero of
+    a coefficient of a regularised map less, because another regularisation moves it.
 
     Returns the point, or None in its place when it turns out to be a neutral saddle or the noise of a
     coefficient, and the corrected end there; None when a point between did not converge.  Every evaluation
@@ -391,26 +440,39 @@ def locate_special(
         if from_pair and special <= SpecialKind.R2:
             width = min(width, _END_WIDTH)
         enough = _NOISE * segment.problem.options.multiplier_tolerance if from_pair else 0.0
+        if with_form is not None:
+            enough = _VAGUE * _undecided(segment.end)
         fraction = zero(test, *bracket.ends(), max(width / segment.length, 1e-14), enough)
         end = segment.end if fraction == 1.0 else points.end(fraction, with_form, not from_pair)
     except NotConvergedError:
         return None
-    scale = segment.problem.period_map.scale(end.point.cycle.image.orbit)
-    if with_form is not None and _drowned(end, scale, abs(bracket.tests[1] - bracket.tests[0])):
+    if with_form is not None and _drowned(end, abs(bracket.tests[1] - bracket.tests[0])):
         return None, end
-    return _special_point(segment, special, end, fraction), end
+    return _genuine_point(segment, special, end, fraction), end
 
 
-def _drowned(end: CurveEnd, scale: float, change: float) -> bool:
+def _undecided(end: CurveEnd) -> float:
+    """What the regularisations leave of the test of a normal form at an end; zero where nothing is known."""
+    form = end.point.normal_form
+    return 0.0 if form is None else _in_test(end, form.real_error - form.noise)
+
+
+def _drowned(end: CurveEnd, change: float) -> bool:
     """Whether a zero of a normal-form coefficient is not beyond the error of its differences.
 
     A map that is only piecewise smooth has coefficients that jump.
     """
     form = end.point.normal_form
-    return form is None or scale**2 * form.noise * abs(end.point.alignment) > 0.5 * change
+    return form is None or _in_test(end, form.noise) > 0.5 * change
 
 
-def _special_point(
+def _in_test(end: CurveEnd, error: float) -> float:
+    """An error of the real part of a coefficient as one of its test."""
+    scale = end.found.linear.scale
+    return scale**2 * error * abs(end.point.alignment)
+
+
+def _genuine_point(
     segment: CurveSegment, special: SpecialKind, end: CurveEnd, fraction: float
 ) -> SpecialPoint | None:
     problem, cycle = segment.problem, end.point.cycle
@@ -419,6 +481,14 @@ def _special_point(
     )
     if not genuine(special, problem.kind, others, end.point.cos_theta):
         return None
+    return special_point(segment, special, end, fraction)
+
+
+def special_point(
+    segment: CurveSegment, special: SpecialKind, end: CurveEnd, fraction: float
+) -> SpecialPoint:
+    """A corrected point of a segment as a special point."""
+    cycle = end.point.cycle
     return SpecialPoint(
         special,
         cycle.parameters,

@@ -25,7 +25,11 @@ class KnownCurve:
     """A bifurcation curve: n points in order, interpolated by cubics.
 
     ``parameters`` and ``tangents`` = d parameters / d arclength, both (n, 2); ``arclength`` (n,); ``states``
-    (n, N); ``angles`` (n,) of the critical multiplier in [0, pi].
+    (n, N); ``angles`` (n,) of the critical multiplier in [0, pi]; ``unstable`` (n,): numbers of the other
+    multipliers outside the unit circle, NaN where they are not known.
+
+    Curves of a symmetric and an antisymmetric mode of one family of cycles may be closer to each other than
+    any distance tells. On either of them the other multiplier is on another side of the circle.
     """
 
     parameters: Matrix
@@ -33,6 +37,7 @@ class KnownCurve:
     arclength: Vector
     states: Matrix
     angles: Vector
+    unstable: Vector
 
     @classmethod
     def of(cls, states: Sequence[CurveState]) -> KnownCurve:
@@ -44,6 +49,7 @@ class KnownCurve:
             np.array([state.arclength for state in states]),
             np.array([state.state for state in states]),
             np.arccos(np.clip(cos_theta, -1.0, 1.0)),
+            np.full(len(states), np.nan),
         )
 
     def with_point(self, state: CurveState) -> KnownCurve:
@@ -129,6 +135,9 @@ class KnownCurve:
         spread = float(np.max(np.abs(new - old)))
         apart = float(np.max(np.abs(start.state - guess)))
         if apart > max(spread, 1e-6 * size_of(guess)):
+            return False
+        counts = self.unstable[first : first + 2]
+        if start.unstable is not None and np.all(np.isfinite(counts)) and start.unstable not in counts:
             return False
         angle = self.angles[first] + along * (self.angles[first + 1] - self.angles[first])
         return start.angle is None or math.isnan(start.angle) or abs(start.angle - angle) <= _ANGLE

@@ -10,14 +10,17 @@ With B = D2 phi, C = D3 phi at the critical cycle, M q = mu q of unit 2-norm, p'
                                                    (I - M) h11 = B(q, q*),  (mu^2 - M) h20 = B(q, q)
 
 B and C are first and second differences of the tangent map, which is itself exact: B(x, y) is the derivative
-of M y along x.  Every coefficient is computed from the fourth-order differences with the steps h and 2h and
-from the second-order ones with h; their distance is the error estimate.  The tangent map has to be smooth
+of M y along x.  A coefficient is computed from the fourth-order differences with the steps h and 2h and from
+the second-order ones with h; their distance is the error estimate.  Where only the distance between maps is
+wanted the second-order ones are enough, for half of the passes.  The tangent map has to be smooth
 over the step: ``pipelines.bifurcations.normal_forms.smoothed`` sees to that where it is not.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -31,6 +34,7 @@ from pipelines.orbits.system import Matrix, Vector
 
 _SOLVE_TOLERANCE = 1e-7  # of the Picard part of h, h11 and h20 and of the left products
 _SHORTER = 0.1  # step of the first derivatives, in steps of the second
+_SHORTEST = 1e-3  # of a difference to one side: h against eps/h
 _STRONG_RESONANCE = 1e-6  # distance of cos_theta from 1 or -1 below which d is not defined
 
 
@@ -51,7 +55,7 @@ class NormalForm:
 
     ``error``: estimate of all errors, ``real_error`` of those of the real part, on which the type depends;
     ``noise``: the part that the differences leave.  The rest is the distance between regularisations of the
-    map (``pipelines.bifurcations.normal_forms.smoothed``), which changes slowly along a curve.
+    map (``pipelines.bifurcations.normal_forms.smoothed``), which kinks change tenfold from point to point.
     """
 
     kind: EventKind
@@ -76,40 +80,49 @@ class NormalForm:
 def normal_form(
     linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions
 ) -> NormalForm | None:
-    """The coefficient for the problem's kind; None for a neutral saddle or a singular linear system."""
+    """The normal form for the problem's kind; None for a neutral saddle or a singular linear system."""
+    values = critical_coefficients(linear, critical, options)
+    if values is None:
+        return None
+    noise = abs(complex(values[0] - values[1]))
+    return NormalForm(linear.at.problem.kind, complex(values[0]), noise, noise, noise)
+
+
+def critical_coefficients(
+    linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions, rough: bool = False
+) -> Complex | None:
+    """The coefficient by fourth-order and by second-order differences (2,); if ``rough`` by the latter (1,).
+
+    None as in ``normal_form``.
+    """
     kind = linear.at.problem.kind
     if linear.at.problem.period_map.autonomous:
         linear, critical = on_section(linear, critical)
+    differences = partial(_Differences, linear, options=options, rough=rough)
     try:
         if kind is EventKind.FOLD:
-            values = _fold(linear, critical, options)
-        elif kind is EventKind.PERIOD_DOUBLING:
-            values = _period_doubling(linear, critical, options)
-        elif abs(critical.cos_theta) < 1.0 - _STRONG_RESONANCE:
-            values = _neimark_sacker(linear, critical, options)
-        else:
-            return None
+            return _fold(linear, critical, differences)
+        if kind is EventKind.PERIOD_DOUBLING:
+            return _period_doubling(linear, critical, differences)
+        if abs(critical.cos_theta) < 1.0 - _STRONG_RESONANCE:
+            return _neimark_sacker(linear, critical, differences)
     except np.linalg.LinAlgError:
-        return None
-    fine, coarse = complex(values[0]), complex(values[1])
-    noise = abs(fine - coarse)
-    return NormalForm(kind, fine, noise, noise, noise)
+        pass
+    return None
 
 
-def _fold(linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
+def _fold(linear: ManifoldLinearisation, critical: Critical, differences: _Along) -> Complex:
     q = critical.right / linear.at.length(critical.right)
-    quadratic, _ = _Differences(linear, q[:, 0], options).of(q, linear.mapped(q))
+    quadratic, _ = differences(q[:, 0]).of(q, linear.mapped(q))
     # a = p.B(q, q) / 2
     return 0.5 * _left(linear, critical, quadratic, q)[0]
 
 
-def _period_doubling(
-    linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions
-) -> Complex:
+def _period_doubling(linear: ManifoldLinearisation, critical: Critical, differences: _Along) -> Complex:
     q = critical.right / linear.at.length(critical.right)
-    along = _Differences(linear, q[:, 0], options)
+    along = differences(q[:, 0])
     quadratic, cubic = along.of(q, linear.mapped(q))
-    # (I - M) h = B(q, q), for the fine and the coarse differences side by side
+    # (I - M) h = B(q, q), for all differences side by side
     h = _solve(linear, 1.0, quadratic.astype(complex)).real
     # b = p.[C(q, q, q) + 3 B(q, h)] / 6
     return _left(linear, critical, cubic + 3.0 * along.first(h), q)[0] / 6.0
@@ -123,18 +136,18 @@ def _left(linear: ManifoldLinearisation, critical: Critical, columns: Matrix, q:
     return np.linalg.solve(products[:, :count], products[:, count:]).astype(complex)
 
 
-def _neimark_sacker(linear: ManifoldLinearisation, critical: Critical, options: NormalFormOptions) -> Complex:
+def _neimark_sacker(linear: ManifoldLinearisation, critical: Critical, differences: _Along) -> Complex:
     mu, coefficients, left = _critical_pair(critical)
     q = critical.right @ coefficients
     parts = np.column_stack([q.real, q.imag])
     length = linear.at.length(parts)
     parts, left = parts / length, left * length
     centre = linear.mapped(parts)
-    real, imaginary = (_Differences(linear, np.ascontiguousarray(part), options) for part in parts.T)
+    real, imaginary = (differences(np.ascontiguousarray(part)) for part in parts.T)
     by_real, cubic_real = real.of(parts, centre)
     by_imaginary, cubic_imaginary = imaginary.of(parts, centre)
     # columns: x, y by fine differences, then x, y by coarse ones
-    x, y = [0, 2], [1, 3]
+    x, y = slice(0, None, 2), slice(1, None, 2)
     xx, xy, yy = by_real[:, x], 0.5 * (by_real[:, y] + by_imaginary[:, x]), by_imaginary[:, y]
     # C(q, q, q*) = xxx + yyx + i (xxy + yyy)
     cubic = cubic_real[:, x] + cubic_imaginary[:, x] + 1j * (cubic_real[:, y] + cubic_imaginary[:, y])
@@ -146,7 +159,8 @@ def _neimark_sacker(linear: ManifoldLinearisation, critical: Critical, options: 
     total = cubic + 2.0 * (x11 + 1j * y11) + (x20r + y20i) + 1j * (x20i - y20r)
     # L'x with L'W = 1, then p = l'L'
     products = _left(linear, critical, np.hstack([total.real, total.imag]), critical.right)
-    return np.asarray(left @ (products[:, :2] + 1j * products[:, 2:]) / (2.0 * mu))
+    count = total.shape[1]
+    return np.asarray(left @ (products[:, :count] + 1j * products[:, count:]) / (2.0 * mu))
 
 
 def _critical_pair(critical: Critical) -> tuple[complex, Complex, Complex]:
@@ -159,6 +173,9 @@ def _critical_pair(critical: Critical) -> tuple[complex, Complex, Complex]:
     return mu / abs(mu), coefficients, left
 
 
+_Along = Callable[[Vector], "_Differences"]
+
+
 @dataclass(frozen=True)
 class _Differences:
     """Derivatives of M along one direction by passes beside the cycle."""
@@ -166,27 +183,36 @@ class _Differences:
     linear: ManifoldLinearisation
     direction: Vector
     options: NormalFormOptions
+    rough: bool
 
     @property
     def step(self) -> float:
         return self.options.difference * self.linear.scale / float(np.max(np.abs(self.direction)))
 
     def of(self, columns: Matrix, centre: Matrix) -> tuple[Matrix, Matrix]:
-        """First and second derivatives of M columns, given M ``columns`` at the ``centre``, each (N, 2 c).
+        """First and second derivatives of M columns, given M ``columns`` at the ``centre``.
 
-        Fourth order with h and 2h, then second order with h.
+        Each (N, 2 c), fourth order with h and 2h, then second order with h; if ``rough`` (N, c), the latter.
         """
         h = self.step
-        m2, m1, p1, p2 = (self._beside(k * h, columns) for k in (-2, -1, 1, 2))
-        first = np.hstack([(8.0 * (p1 - m1) - (p2 - m2)) / (12.0 * h), (p1 - m1) / (2.0 * h)])
+        m1, p1 = (self._beside(k * h, columns) for k in (-1, 1))
+        first, second = (p1 - m1) / (2.0 * h), (p1 + m1 - 2.0 * centre) / (h * h)
+        if self.rough:
+            return first, second
+        m2, p2 = (self._beside(k * h, columns) for k in (-2, 2))
+        finer = (8.0 * (p1 - m1) - (p2 - m2)) / (12.0 * h)
         fourth = (16.0 * (p1 + m1) - (p2 + m2) - 30.0 * centre) / (12.0 * h * h)
-        return first, np.hstack([fourth, (p1 + m1 - 2.0 * centre) / (h * h)])
+        return np.hstack([finer, first]), np.hstack([fourth, second])
 
     def first(self, columns: Matrix) -> Matrix:
         """First derivatives of M columns from one pair of passes with a shorter step.
 
-        With this step second derivatives would be lost in rounding.
+        With this step second derivatives would be lost in rounding.  If ``rough`` from one pass with a still
+        shorter one, and the columns along the orbit of the cycle.
         """
+        if self.rough:
+            h = _SHORTEST * self.step
+            return (self._beside(h, columns) - self.linear.mapped(columns)) / h
         h = _SHORTER * self.step
         return (self._beside(h, columns) - self._beside(-h, columns)) / (2.0 * h)
 

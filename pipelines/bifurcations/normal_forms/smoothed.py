@@ -16,7 +16,13 @@ import numpy as np
 from pipelines.bifurcations.critical.correction import CriticalCycle, CurveConstraint
 from pipelines.bifurcations.critical.corrector import correct_critical, with_converged_multipliers
 from pipelines.bifurcations.critical.critical_cycles import BorderingVectors, with_sharp_left
-from pipelines.bifurcations.normal_forms.coefficients import NormalForm, NormalFormOptions, normal_form
+from pipelines.bifurcations.normal_forms.coefficients import (
+    NormalForm,
+    NormalFormOptions,
+    critical_coefficients,
+    normal_form,
+)
+from pipelines.orbits.floquet import Complex
 from pipelines.orbits.period_map import PeriodMap
 
 _CYCLE = 1e-8  # residual asked of the critical cycle of a smooth map, whose coefficient is wanted to 1e-4
@@ -25,38 +31,43 @@ _LEFT = 1e-6  # last term of the series for its left vectors
 
 
 def smoothed_normal_form(
-    found: CriticalCycle, bordering: BorderingVectors, constraint: CurveConstraint, options: NormalFormOptions
+    found: CriticalCycle,
+    bordering: BorderingVectors,
+    constraint: CurveConstraint,
+    options: NormalFormOptions,
+    sharpest: bool = False,
 ) -> NormalForm | None:
     """The normal form at a corrected point of a curve: of the first smooth map, if the problem has any.
 
     Each smooth map has its own critical cycle, corrected from ``found`` with ``bordering`` in the plane of
-    ``constraint``.  The error is that of the differences plus the largest distance of the other smooth maps.
-    None when one of the cycles is not found, or as in ``normal_form``.
+    ``constraint``.  The error is that of the differences plus the largest distance of the other smooth maps
+    by second-order differences; they are left out if only the ``sharpest`` is asked for.  None when one of
+    the cycles is not found, or as in ``normal_form``.
     """
     problem = found.linear.at.problem
     if not problem.smooth_maps:
         return normal_form(found.linear, found.critical, options)
-    forms = []
-    for smooth in problem.smooth_maps:
-        form = _smooth_form(smooth, found, bordering, constraint, options)
-        if form is None:
+    found_values: list[Complex] = []
+    for smooth in problem.smooth_maps[: 1 if sharpest else None]:
+        values = _smooth_coefficients(smooth, found, bordering, constraint, options, bool(found_values))
+        if values is None:
             return None
-        forms.append(form)
-    apart = [form.coefficient - forms[0].coefficient for form in forms]
-    return replace(
-        forms[0],
-        error=forms[0].noise + max(abs(distance) for distance in apart),
-        real_error=forms[0].noise + max(abs(distance.real) for distance in apart),
-    )
+        found_values.append(values)
+    fine, coarse = map(complex, found_values[0])
+    noise, apart = abs(fine - coarse), [complex(values[-1]) - coarse for values in found_values]
+    error = noise + max(abs(distance) for distance in apart)
+    real_error = noise + max(abs(distance.real) for distance in apart)
+    return NormalForm(problem.kind, fine, error, real_error, noise)
 
 
-def _smooth_form(
+def _smooth_coefficients(
     smooth: PeriodMap,
     found: CriticalCycle,
     bordering: BorderingVectors,
     constraint: CurveConstraint,
     options: NormalFormOptions,
-) -> NormalForm | None:
+    rough: bool,
+) -> Complex | None:
     at = found.linear.at
     tolerances = replace(
         at.problem.options,
@@ -74,4 +85,4 @@ def _smooth_form(
         critical = with_sharp_left(point.linear, point.critical, _LEFT)
     except np.linalg.LinAlgError:
         return None
-    return normal_form(point.linear, critical, options)
+    return critical_coefficients(point.linear, critical, options, rough)

@@ -6,7 +6,7 @@
 - system: the linear system of Newton-Picard
 - slow_bases: slow subspaces along a curve
 - invariant_curve: the corrector
-- stability: the spectrum of the linearised flow
-- torus, continuation: branches of tori: options and results; the continuation
+- stability, events: the spectrum of the linearised flow; bifurcations between two tori
+- torus, segment, continuation: branches of tori: options and results; one step; the continuation
 - start: where branches of tori start
 """

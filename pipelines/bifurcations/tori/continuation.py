@@ -5,8 +5,9 @@ In the space u = (X, rho, lambda) a curve follows u_0 with unit tangent t at dis
     S(-rho) P(X) - X = 0,    phase(X) = 0 (rho unknown),    <t, u - u_0> = h
 
 The number of angles follows the Fourier series from point to point.  Tori with unknown rotation form a smooth
-family only between their resonances: near a rotation of p/q turns with small q the torus locks, its Fourier
-series does not fall, and the branch ends there unless a step leads across.
+family only between their resonances: near a rotation of p/q turns with small q the torus locks, and its
+Fourier series does not fall.  Where steps get too short there, a leap seeks the torus whose rotation is as
+far beyond p/q as that of the last one is before it, or a few times as far.  Without one the branch ends.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ import numpy as np
 
 from pipelines.bifurcations.acceptance import StepRule, refusal
 from pipelines.bifurcations.continuation import (
-    CubicPiece,
     Limit,
     Rejected,
     Tracer,
@@ -29,14 +29,9 @@ from pipelines.bifurcations.continuation import (
     leaves_ranges,
     one_history,
 )
+from pipelines.bifurcations.tori.events import TorusEvent, TorusTests, find_events, unstable_number
 from pipelines.bifurcations.tori.fourier import amplitudes, nearest_fraction, resampled, tail
-from pipelines.bifurcations.tori.invariant_curve import (
-    Torus,
-    TorusCorrection,
-    correct_on_angles,
-    correct_torus,
-    torus_tangent,
-)
+from pipelines.bifurcations.tori.invariant_curve import Torus, TorusCorrection, correct_torus, torus_tangent
 from pipelines.bifurcations.tori.problem import (
     TorusMetric,
     TorusProblem,
@@ -44,7 +39,7 @@ from pipelines.bifurcations.tori.problem import (
     fixed_parameter,
     metric_of,
 )
-from pipelines.bifurcations.tori.slow_bases import SlowBases
+from pipelines.bifurcations.tori.segment import TorusSegment, reference_curve, rotation_known
 from pipelines.bifurcations.tori.stability import TorusSpectrum, converged_spectrum
 from pipelines.bifurcations.tori.torus import (
     TorusOptions,
@@ -64,66 +59,44 @@ _NOTHING = 1e-3  # share of the deviation from the mean that a torus may not los
 # than along a smooth curve.
 _DOUBTFUL_DEFECT, _MISSED = 0.4, 0.25
 _LARGEST_DENOMINATOR = 12  # of the resonances that are named
+_LARGEST_CROSSED = 8  # denominator of the resonances that are leapt over
+_LEAPS = (1.0, 2.0, 4.0, 8.0)  # distances beyond a resonance, in that before it
+_LONGEST_LEAP = 2.0  # in steps of the maximum length
 
 
 def continue_torus(
     problem: TorusProblem,
     start: TorusStart | TorusState,
     options: TorusOptions,
-    record: Callable[[TorusPoint, TorusState], None],
+    record: Callable[[TorusPoint, TorusState, tuple[TorusEvent, ...]], None],
     limit: Limit[TorusPoint] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> TorusResult:
     """Trace a branch of tori from a guess, or resume it from a recorded state.
 
-    ``record(point, state)`` is called once per accepted point; ``state`` is all that is needed to restart
-    after it.  ``limit(point)`` returns a sentence when the point must not be accepted, which ends the branch
-    before it.  ``should_stop()`` is asked after each recorded point.  The last point lies exactly on the end
-    of the range.  Raises ValueError when the start lies outside the range; every other failure is a
-    TorusResult.
+    ``record(point, state, events)`` is called once per accepted point, with the bifurcations before it;
+    ``state`` is all that is needed to restart after it.  ``limit(point)`` returns a sentence when the point
+    must not be accepted, which ends the branch before it.  ``should_stop()`` is asked after each recorded
+    point.  The last point lies exactly on the end of the range.  Raises ValueError when the start lies
+    outside the range; every other failure is a TorusResult.
     """
     metric = metric_of(problem, start.parameter, options.parameter_scale)
     tracer = _Tori(problem, options, metric)
-    return follow(tracer, start, lambda point, state, _: record(point, state), limit, should_stop)
+    return follow(tracer, start, record, limit, should_stop)
 
 
 @dataclass(frozen=True)
 class _Step:
-    """An accepted step: its point, the unit tangent there and its length."""
+    """An accepted step: its point, the unit tangent there, its length, the bifurcations on it.
+
+    ``leapt``: whether it leads over a resonance.
+    """
 
     point: TorusPoint
     tangent: TorusUnknowns
     length: float
-    found: tuple[()] = ()
-
-
-@dataclass(frozen=True)
-class _Segment(CubicPiece[TorusUnknowns]):
-    """The branch between two tori with their unit tangents, on the same angles; ``bases``: slow subspaces."""
-
-    problem: TorusProblem
-    metric: TorusMetric
-    start: TorusUnknowns
-    start_tangent: TorusUnknowns
-    end: TorusUnknowns
-    end_tangent: TorusUnknowns
-    bases: SlowBases
-
-    def ends(self) -> tuple[TorusUnknowns, TorusUnknowns, TorusUnknowns, TorusUnknowns]:
-        """Start, unit tangent there, end, unit tangent there."""
-        return self.start, self.start_tangent, self.end, self.end_tangent
-
-    def missed_at(self, fraction: float) -> float:
-        """Distance of the torus at a fraction from the cubic.
-
-        Zero when there is no such torus: in a resonance, where nothing can be told of the step.
-        """
-        cubic, row = self.guess(fraction), self.metric.row(self.chord)
-        constraint = Constraint(row, row.dot(self.start) + fraction * row.dot(self.chord))
-        bases = self.bases.resampled(len(cubic.states))
-        reference = _reference(self.problem, cubic)
-        torus = correct_on_angles(self.problem, cubic, constraint, bases, reference).torus
-        return 0.0 if torus is None else self.metric.norm(torus.unknowns.minus(cubic))
+    found: tuple[TorusEvent, ...] = ()
+    leapt: bool = False
 
 
 @dataclass(frozen=True)
@@ -143,7 +116,7 @@ class _Tori(Tracer[TorusState, _Step]):
         guess = TorusUnknowns(np.array(start.states, dtype=float), start.rotation, start.parameter)
         count = len(guess.states)
         constraint = fixed_parameter(problem, count, start.parameter)
-        correction = correct_torus(problem, guess, constraint, start.bases, _reference(problem, guess))
+        correction = correct_torus(problem, guess, constraint, start.bases, reference_curve(problem, guess))
         torus = correction.torus
         if torus is None:
             return Rejected(correction.stop.advice)
@@ -153,7 +126,7 @@ class _Tori(Tracer[TorusState, _Step]):
             return Rejected(TorusStop.COLLAPSED.advice)
         torus, spectrum = converged_spectrum(problem, torus)
         row = TorusUnknowns(np.zeros_like(torus.unknowns.states), 0.0, float(options.direction))
-        tangent = torus_tangent(problem, torus, row, _reference(problem, torus.unknowns))
+        tangent = torus_tangent(problem, torus, row, reference_curve(problem, torus.unknowns))
         if tangent is None:
             return Rejected("the parameter turns at the first point")
         tangent = self.metric.unit(tangent)
@@ -167,12 +140,18 @@ class _Tori(Tracer[TorusState, _Step]):
         return TorusStop.MAXIMUM_POINTS if state.index + 1 >= self.options.max_points else None
 
     def attempt(self, state: TorusState) -> _Step | Rejected:
-        """One step: predict, correct, test."""
+        """One step: predict, correct, test; in place of the shortest one a leap over a resonance."""
+        step = self._stepped(state)
+        if isinstance(step, Rejected) and self.is_shortest(state):
+            return self._leap(state) or step
+        return step
+
+    def _stepped(self, state: TorusState) -> _Step | Rejected:
         problem, metric = self.problem, self.metric
         correction = self._predict_and_correct(state)
         torus = correction.torus
         if torus is None:
-            resonance = "" if _known(problem, state.parameter) else f" ({_resonance(state.rotation)})"
+            resonance = "" if rotation_known(problem, state.parameter) else f" ({_resonance(state.rotation)})"
             return Rejected(correction.stop.advice + resonance)
         if correction.rough:
             return Rejected(_roughness(problem, torus), TorusStop.ROUGH, _ROUGH_STEP)
@@ -182,25 +161,89 @@ class _Tori(Tracer[TorusState, _Step]):
         chord = torus.unknowns.minus(before)
         if metric.norm(chord) == 0.0:
             return Rejected("the corrector returned to the previous point")
-        tangent = torus_tangent(problem, torus, metric.row(chord), _reference(problem, torus.unknowns))
+        tangent = torus_tangent(problem, torus, metric.row(chord), reference_curve(problem, torus.unknowns))
         if tangent is None:
             return Rejected("the tangent is singular")
         tangent, end = metric.unit(tangent), torus.unknowns
-        segment = _Segment(problem, metric, before, tangent_before, end, tangent, state.slow_bases)
+        segment = TorusSegment(problem, metric, before, tangent_before, end, tangent, state.slow_bases)
         rule = StepRule(self.options.minimum_cosine, _MISSED, _DOUBTFUL_DEFECT, math.inf)
         message = refusal(metric, tangent_before, chord, tangent, rule, segment.missed_at)
         if message is not None:
             return Rejected(message)
         torus, spectrum = converged_spectrum(problem, torus)
         point = TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms)
-        return _Step(point, tangent, segment.length)
+        events = self._events(segment, state, spectrum) if self.options.events else ()
+        return _Step(point, tangent, segment.length, events)
+
+    def _events(
+        self, segment: TorusSegment, state: TorusState, spectrum: TorusSpectrum
+    ) -> tuple[TorusEvent, ...]:
+        """The bifurcations on the step from a state; ``spectrum``: at its end."""
+        before = TorusTests(state.moduli, state.unstable, state.tangent_parameter)
+        after = TorusTests.of(spectrum, segment.end_tangent)
+        return find_events(segment, before, after, spectrum, state.arclength, self.options.event_tolerance)
 
     def advance(self, state: TorusState, step: _Step) -> TorusState:
         """The state after an accepted step; the step length follows the count of the corrector."""
         point = step.point
-        length = adapted_length(state.step, point.iterations, self.options)
+        tried = self.options.step if step.leapt else state.step
+        length = adapted_length(tried, point.iterations, self.options)
         index, arclength = state.index + 1, state.arclength + step.length
         return _state(self.problem, point.torus, point.spectrum, step.tangent, index, length, arclength)
+
+    def _leap(self, state: TorusState) -> _Step | None:
+        """The torus beyond the resonance ahead; None where there is none that the branch leads to.
+
+        Its rotation is fixed instead of the arclength: rho = rho_r + s (rho_r - rho_0).
+        """
+        ahead = resonance_ahead(state.rotation, state.tangent_rotation)
+        if rotation_known(self.problem, state.parameter) or ahead is None:
+            return None
+        for distance in _LEAPS:
+            rotation = state.rotation + (1.0 + distance) * ahead
+            length = (rotation - state.rotation) / state.tangent_rotation
+            if length > _LONGEST_LEAP * self.options.maximum_step:
+                return None
+            torus = self._torus_with_rotation(state, rotation, length)
+            if torus is not None and (step := self._landed(state, torus)) is not None:
+                return step
+        return None
+
+    def _torus_with_rotation(self, state: TorusState, rotation: float, length: float) -> Torus | None:
+        """The torus with a rotation, guessed a length ahead of a state; None where it is rough or absent."""
+        guess = state.unknowns.plus(state.tangent, length)
+        low, high = self.options.range
+        row = TorusUnknowns(np.zeros_like(guess.states), 1.0, 0.0)
+        correction = correct_torus(
+            self.problem, guess, Constraint(row, rotation), state.slow_bases, state.unknowns.states
+        )
+        torus = correction.torus
+        if torus is None or correction.rough or not low <= torus.unknowns.parameter <= high:
+            return None
+        return torus
+
+    def _landed(self, state: TorusState, torus: Torus) -> _Step | None:
+        """The step to a torus beyond a resonance; None where the branch does not lead there.
+
+        Beside a resonance the angle runs unevenly, so that tangents tell nothing of the step; but parameter
+        and rotation must proceed as before, and the torus must be near.
+        """
+        problem, metric = self.problem, self.metric
+        before, old = state.unknowns.resampled(torus.count), state.tangent.resampled(torus.count)
+        chord = torus.unknowns.minus(before)
+        tangent = torus_tangent(problem, torus, metric.row(chord), torus.unknowns.states)
+        if tangent is None:
+            return None
+        tangent = metric.unit(tangent)
+        tangent = tangent.scaled(math.copysign(1.0, tangent.rotation * old.rotation))
+        proceeds = all(one.parameter * old.parameter > 0.0 for one in (chord, tangent))
+        if not proceeds or metric.norm(chord) > _LONGEST_LEAP * self.options.maximum_step:
+            return None
+        torus, spectrum = converged_spectrum(problem, torus)
+        segment = TorusSegment(problem, metric, before, old, torus.unknowns, tangent, state.slow_bases)
+        events = self._events(segment, state, spectrum) if self.options.events else ()
+        point = TorusPoint(torus, spectrum, (torus.residual,), ())
+        return _Step(point, tangent, segment.length, events, leapt=True)
 
     def _predict_and_correct(self, state: TorusState) -> TorusCorrection:
         """Correct the tangent prediction on the arclength row.
@@ -211,7 +254,7 @@ class _Tori(Tracer[TorusState, _Step]):
         row = self.metric.row(state.tangent)
         guess = state.unknowns.plus(state.tangent, state.step)
         constraint = Constraint(row, row.dot(state.unknowns) + state.step)
-        reference = _reference(problem, state.unknowns)
+        reference = reference_curve(problem, state.unknowns)
         passed = bound_passed((guess.parameter,), ranges)
         if passed is not None:
             return _correct_on_bound(problem, state, guess, passed[1], reference)
@@ -236,22 +279,13 @@ def _correct_on_bound(
     return correct_torus(problem, guess, constraint, state.slow_bases, reference)
 
 
-def _known(problem: TorusProblem, parameter: float) -> bool:
-    return problem.circle.rotation(parameter) is not None
-
-
-def _reference(problem: TorusProblem, unknowns: TorusUnknowns) -> Matrix | None:
-    """The curve that sets the phase condition of its neighbours."""
-    return None if _known(problem, unknowns.parameter) else unknowns.states
-
-
 def _collapsed(problem: TorusProblem, unknowns: TorusUnknowns, before: TorusUnknowns) -> bool:
     """Whether the deviation from the mean reversed its direction since the last curve.
 
     Between them a torus with unknown rotation was a cycle, through which the same tori continue with
     half a turn of the angle.
     """
-    if _known(problem, unknowns.parameter):
+    if rotation_known(problem, unknowns.parameter):
         return False
     new, old = unknowns.states, resampled(before.states, len(unknowns.states))
     old = old - old.mean(axis=0)
@@ -283,6 +317,8 @@ def _state(
         arclength=arclength,
         bases=bases.columns,
         leading=bases.leading,
+        moduli=spectrum.moduli,
+        unstable=unstable_number(spectrum),
     )
 
 
@@ -296,6 +332,21 @@ def _following_count(problem: TorusProblem, torus: Torus) -> int:
             break
         count = half
     return count
+
+
+def resonance_ahead(rotation: float, slope: float) -> float | None:
+    """Turn [rad] from a rotation to the nearest resonance that it moves to; None where it stands still.
+
+    Resonances are those with denominators up to ``_LARGEST_CROSSED``.
+    """
+    if slope == 0.0:
+        return None
+    turns = rotation / (2.0 * math.pi)
+    sense = math.copysign(1.0, slope)
+    distances = [
+        (math.ceil(sense * turns * q) - sense * turns * q) / q for q in range(1, _LARGEST_CROSSED + 1)
+    ]
+    return sense * 2.0 * math.pi * min(distances)
 
 
 def _resonance(rotation: float) -> str:

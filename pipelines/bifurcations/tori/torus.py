@@ -11,7 +11,7 @@ from pipelines.bifurcations.tori.invariant_curve import Torus
 from pipelines.bifurcations.tori.problem import TorusUnknowns
 from pipelines.bifurcations.tori.slow_bases import SlowBases
 from pipelines.bifurcations.tori.stability import TorusSpectrum
-from pipelines.orbits.system import Matrix
+from pipelines.orbits.system import Matrix, Vector
 
 
 class TorusStop(Enum):
@@ -45,6 +45,8 @@ class TorusOptions:
     ``target_iterations``: Newton iterations at which the step length is kept.
     ``minimum_cosine``: smallest cosine between neighbouring tangents.
     ``parameter_scale``: change of the parameter that counts as one.
+    ``events``: whether bifurcations are looked for.
+    ``event_tolerance``: of the places of bifurcations, in arclength.
 
     Raises ValueError for values out of order.
     """
@@ -58,6 +60,8 @@ class TorusOptions:
     target_iterations: int = 4
     minimum_cosine: float = 0.8
     parameter_scale: float = 1.0
+    events: bool = True
+    event_tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
         validate_stepping(self, (self.range,), (self.parameter_scale,))
@@ -82,7 +86,8 @@ class TorusState(ResumableState):
     """Everything that determines the next step, as plain arrays and numbers.
 
     A branch restarted from a copy of it continues with the same bits.  ``states``, ``tangent_states`` (M, N),
-    ``bases`` (M, N, k) with ``leading`` smooth columns; ``index`` counts the recorded points from zero;
+    ``bases`` (M, N, k) with ``leading`` smooth columns; ``moduli`` of the multipliers, of which ``unstable``
+    are outside the unit circle, -1 where that is not decided; ``index`` counts the recorded points from zero;
     ``step`` is the next arclength step.
     """
 
@@ -97,6 +102,8 @@ class TorusState(ResumableState):
     arclength: float
     bases: Array
     leading: int
+    moduli: Vector
+    unstable: int
 
     @property
     def slow_bases(self) -> SlowBases:

@@ -16,12 +16,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import linear_sum_assignment
 
 from pipelines.case.arrays import Array, ComplexArray
 from pipelines.machine.assembly import Machine
-from pipelines.machine.rotor_modes import translations
+from pipelines.machine.rotor_modes import translations, whirl_directions
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest
 from pipelines.orbits.equilibria.linear import eigenpairs_near
 
@@ -58,6 +59,18 @@ class ModeSet:
     def damping_ratios(self) -> Array:
         """-Re lambda / |lambda|, shape (modes,)."""
         return np.asarray(-self.eigenvalues.real / np.abs(self.eigenvalues))
+
+    @property
+    def directions(self) -> NDArray[np.int8]:
+        """+1 forward, -1 backward, 0 planar, shape (modes,)."""
+        return whirl_directions(self.shapes)
+
+
+def logarithmic_decrements(eigenvalues: ComplexArray) -> Array:
+    """-2 pi Re lambda / Im lambda: logarithm of the ratio of successive maxima; NaN without oscillation."""
+    oscillating = np.abs(eigenvalues.imag) > 1e-9 * np.abs(eigenvalues)
+    frequency = np.where(oscillating, np.abs(eigenvalues.imag), np.nan)
+    return np.asarray(-2.0 * np.pi * eigenvalues.real / frequency)
 
 
 def modes_at(machine: Machine, parameters: Array, state: Array, top: float) -> ModeSet:

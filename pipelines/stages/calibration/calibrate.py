@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pipelines.case.arrays import Array
-from pipelines.case.calibrate_settings import number_at
+from pipelines.case.calibrate_settings import CORNERS, number_at
 from pipelines.case.models import Calibrate, CalibrationParameter, Case
 from pipelines.case.reading import NamedCase
 from pipelines.datasets.branch import BranchWriter, open_branch
@@ -24,9 +24,10 @@ from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, case_group, open_for_writing
+from pipelines.stages.calibration.doubling import Corner
 from pipelines.stages.calibration.fit import Evaluation, Fit, NoEvaluationsLeft, fit
 from pipelines.stages.calibration.onset_speed import FAILED, FOUND
-from pipelines.stages.calibration.targets import Reached, reached
+from pipelines.stages.calibration.targets import Corners, Expected, Reached, corner_key, reached
 from pipelines.stages.results import Progress, Report, ShouldStop, StageResult, StopRequested
 
 GROUP = "calibration"
@@ -173,11 +174,22 @@ class Machines:
         values, spec = values_at(self.settings, position), KINDS[GROUP]
         nearest = self._nearest(position) if nearby else None
         found: list[Reached] = []
-        for index, target in enumerate(self.settings.targets):
+        corners: Corners = {}
+        for index in range(len(self.settings.targets)):
             if self._should_stop():
                 raise StopRequested
-            expected = None if nearest is None else _expected(nearest, index)
-            found.append(reached(self.named.case, values, target, self.settings, expected, self._should_stop))
+            expected = None if nearest is None else _expected(nearest, self.settings, index)
+            found.append(
+                reached(
+                    self.named.case,
+                    values,
+                    self.settings.targets[index],
+                    self.settings,
+                    expected,
+                    self._should_stop,
+                    corners,
+                )
+            )
         statuses, kinds = spec.array("status").flags, ("unset", *spec.array("bifurcation").flags)
         own = [value_at(p, float(x)) for p, x in zip(self.settings.parameters, position, strict=True)]
         return {
@@ -197,9 +209,9 @@ class Machines:
     def _evaluation(self, row: Mapping[str, Any]) -> Evaluation:
         statuses = KINDS[GROUP].array("status").flags
         failed = np.array([statuses[int(flag)] in FAILED for flag in row["status"]])
-        wanted = np.array([target.wanted for target in self.settings.targets])
-        scatter = np.array([target.scatter for target in self.settings.targets])
-        deviations = np.where(failed, self._penalties, (row["reached"] - wanted) / scatter)
+        told = zip(self.settings.targets, row["reached"].tolist(), strict=True)
+        weighted = np.array([target.deviation(value) for target, value in told])
+        deviations = np.where(failed, self._penalties, weighted)
         return Evaluation(np.array(row["position"]), deviations, failed)
 
     def _report_progress(self) -> None:
@@ -213,10 +225,23 @@ class Machines:
         self._report(Progress("calibrate", self.named.case_id, len(self._rows), total + 1, message))
 
 
-def _expected(row: Mapping[str, Any], target: int) -> float | None:
-    """The onset of a row's target, where it has one."""
-    found = row["status"][target] == KINDS[GROUP].array("status").flag(FOUND)
-    return float(row["onset"][target]) if found and np.isfinite(row["onset"][target]) else None
+def _expected(row: Mapping[str, Any], settings: Calibrate, index: int) -> Expected:
+    """The onset of a row's target, or its corner, where the row has one."""
+    target = settings.targets[index]
+    if target.quantity in CORNERS:
+        same = [
+            place
+            for place, other in enumerate(settings.targets)
+            if other.quantity == "corner_frequency" and corner_key(other) == corner_key(target)
+        ]
+        index = same[0] if same else index
+    found = row["status"][index] == KINDS[GROUP].array("status").flag(FOUND)
+    if not found or not np.isfinite(row["onset"][index]):
+        return None
+    onset = float(row["onset"][index])
+    if settings.targets[index].quantity == "corner_frequency":
+        return Corner(float(row["reached"][index]), onset)
+    return None if target.quantity in CORNERS else onset
 
 
 def _penalties(case: Case, settings: Calibrate) -> Array:

@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
+from pipelines.machine import film
 from pipelines.machine.assembly import Machine
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
@@ -37,7 +38,7 @@ class Undecided(Exception):  # noqa: N818
 
 @dataclass
 class Cycles:
-    """The cycles of a machine over the speed; each serves as a guess of the next one."""
+    """The cycles of a machine over speed and excitation frequency; each serves as a guess of the next one."""
 
     machine: Machine
     case: Case
@@ -45,15 +46,22 @@ class Cycles:
     kinds: Collection[str]
     should_stop: ShouldStop
     _last: ForcedCycle | None = field(default=None, init=False)
-    _known: dict[float, Cycle] = field(default_factory=dict, init=False)
+    _known: dict[tuple[float, float], Cycle] = field(default_factory=dict, init=False)
 
-    def at(self, speed: float) -> Cycle:
-        """The cycle at a speed.  Raises Undecided, StopRequested."""
+    def at(self, speed: float, frequency: float | None = None) -> Cycle:
+        """The cycle at a speed, and an excitation frequency: that of ``parameters`` if not given.
+
+        Raises Undecided, StopRequested.
+        """
         if self.should_stop():
             raise StopRequested
-        if speed not in self._known:
-            self._known[speed] = self._found(at_speed(self.parameters, speed))
-        return self._known[speed]
+        parameters = at_speed(self.parameters, speed)
+        if frequency is not None:
+            parameters[film.EXCITATION_FREQUENCY] = frequency
+        place = speed, float(parameters[film.EXCITATION_FREQUENCY])
+        if place not in self._known:
+            self._known[place] = self._found(parameters)
+        return self._known[place]
 
     def _found(self, parameters: Array) -> Cycle:
         equilibrium = machine_equilibrium(self.machine, parameters)

@@ -16,21 +16,25 @@ from typing import Any
 import numpy as np
 
 from pipelines.case.arrays import Array
+from pipelines.case.calibrate_settings import CORNERS
 from pipelines.case.models import Calibrate, CalibrationTarget, Case
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.store import Store, case_group
 from pipelines.stages.calibration.calibrate import CONVERGED, GROUP, start_position, value_at, values_at
-from pipelines.stages.calibration.onset_speed import FAILED, STATUSES
+from pipelines.stages.calibration.onset_speed import FAILED, FOUND, STATUSES, UNDECIDED
 
 UNDETERMINED = 1e-3  # of the largest singular value
 PART = 0.1  # smallest component of a direction that is told
 AT_BOUND = 1e-3  # of the range
+NO_CORNER = (
+    "no Neimark-Sacker points were found that end on period doublings: widen frequency_range or speed_range"
+)
 
 
 @dataclass(frozen=True)
 class TargetRow:
-    """One target with wanted and reached value, in ``unit``.
+    """One target with wanted and reached value, in ``unit``; of a ``limit`` one side alone counts.
 
     ``deviation`` in uncertainties, or times the weight; ``remark`` where the value was not simply found;
     None where it failed.
@@ -39,6 +43,7 @@ class TargetRow:
     target: str
     unit: str
     wanted: float
+    limit: str
     reached: float | None
     difference: float | None
     deviation: float | None
@@ -96,7 +101,7 @@ def read_calibration(store: Store, case_id: str, case: Case) -> Calibration | No
     group = read_group(store, name)
     if group.n_points == 0:
         return None
-    best = int(group.attributes.get("best", _least(group)))
+    best = int(group.attributes.get("best", _least(group, settings)))
     position = np.asarray(group["position"][best])
     jacobian = group.attributes.get("jacobian")
     slopes = None if jacobian is None else np.array(jacobian)
@@ -117,10 +122,13 @@ def read_calibration(store: Store, case_id: str, case: Case) -> Calibration | No
     )
 
 
-def _least(group: Group) -> int:
+def _least(group: Group, settings: Calibrate) -> int:
     """The row with the fewest failed targets, and among these with the least sum of squares."""
-    deviations = (group["reached"] - group["wanted"]) / group["scatter"]
-    failed = ~np.isfinite(deviations)
+    deviations = np.array([
+        [target.deviation(value) for target, value in zip(settings.targets, row, strict=True)]
+        for row in group["reached"].tolist()
+    ])  # fmt: skip
+    failed = ~np.isfinite(group["reached"])
     squares = np.sum(np.where(failed, 0.0, deviations) ** 2, axis=1)
     return int(np.lexsort((squares, failed.sum(axis=1)))[0])
 
@@ -133,12 +141,20 @@ def _target_row(target: CalibrationTarget, group: Group, row: int, column: int) 
         target=_name(target),
         unit="1" if target.value_rpm is None else "rpm",
         wanted=target.wanted,
+        limit=target.limit,
         reached=value,
         difference=difference,
-        deviation=None if difference is None else difference / target.scatter,
+        deviation=None if value is None else target.deviation(value),
         bifurcation=str(group.labels("bifurcation")[row, column]),
-        remark="" if status == "found" else STATUSES[status],
+        remark=_remark(target, status),
     )
+
+
+def _remark(target: CalibrationTarget, status: str) -> str:
+    """Why a value was not simply found."""
+    if status == UNDECIDED and target.quantity in CORNERS:
+        return NO_CORNER
+    return "" if status == FOUND else STATUSES[status]
 
 
 def _name(target: CalibrationTarget) -> str:
@@ -146,6 +162,8 @@ def _name(target: CalibrationTarget) -> str:
     words = target.quantity.replace("_", " ")
     if target.quantity == "critical_speed":
         words += f" {target.number}" + ("" if target.whirl == "any" else f" {target.whirl}")
+    elif target.quantity == "doubling_growth":
+        words += " at speed " + ", ".join(f"{speed:g}" for speed in target.speeds or ())
     elif target.bifurcation != "any":
         words += f" ({target.bifurcation.replace('_', ' ')})"
     return ", ".join([words, *(f"{key} = {value}" for key, value in target.set.items())])

@@ -14,17 +14,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipelines.case.calibrate_settings import CORNERS
 from pipelines.case.models import Calibrate, CalibrationTarget, Case
 from pipelines.case.problems import CaseError
 from pipelines.machine import film
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.orbits.equilibria.campbell import campbell_diagram
 from pipelines.orbits.equilibria.critical_speeds import critical_speeds
+from pipelines.stages.calibration.doubling import Corner, corner_near, doubling_growth, first_corner
+from pipelines.stages.calibration.onset_nearby import Cycles, Undecided
 from pipelines.stages.calibration.onset_speed import (
     CENSORED_ABOVE,
     FAILED,
     FOUND,
     INVALID,
+    NO_CYCLE,
     NO_EQUILIBRIUM,
     UNDECIDED,
     Onset,
@@ -49,35 +53,92 @@ class Reached:
     bifurcation: str = "unset"
 
 
+Expected = float | Corner | None
+"""What a machine nearby reaches: an onset speed, or a corner; None to search without knowing any."""
+Corners = dict[str, Corner | None]
+"""The corners of one machine that are known already, by the keys that their targets set."""
+
+
 def reached(
     case: Case,
     values: Mapping[str, float],
     target: CalibrationTarget,
     settings: Calibrate,
-    expected: float | None,
+    expected: Expected,
     should_stop: ShouldStop,
+    corners: Corners | None = None,
 ) -> Reached:
     """The value of a target that the case with other ``values`` at some keys reaches.
 
-    ``expected``: onset speed of a machine nearby, None to begin at the lowest speed.  Raises StopRequested.
+    ``expected``: what a machine nearby reaches; ``corners``: of this machine, for two targets of the same
+    corner.  Raises StopRequested.
     """
     try:
         own = case.with_values({**values, **target.set})
         if target.quantity == "critical_speed":
             return _in_unit(_critical_speed(own, target, should_stop), own, target)
+        if target.quantity == "doubling_growth":
+            return _doubling_growth(own, target, should_stop)
         interval = target.speed_range or settings.speed_range
+        if target.quantity in CORNERS:
+            known = {} if corners is None else corners
+            if corner_key(target) not in known:
+                known[corner_key(target)] = _corner(own, target, interval, expected, should_stop)
+            return _of_corner(known[corner_key(target)], own, target)
+        near = None if isinstance(expected, Corner) else expected
         if target.quantity == "onset_speed":
-            found = onset_speed(own, interval, target.bifurcation, expected, should_stop)
+            found = onset_speed(own, interval, target.bifurcation, near, should_stop)
             return _in_unit(found, own, target)
-        return _slope(own, target, interval, expected, should_stop)
+        return _slope(own, target, interval, near, should_stop)
     except CaseError:
         return Reached(INVALID)
+
+
+def corner_key(target: CalibrationTarget) -> str:
+    """What tells the corners of two targets apart."""
+    return repr((sorted(target.set.items()), target.frequency_range, target.speed_range))
 
 
 def _in_unit(found: Onset, case: Case, target: CalibrationTarget) -> Reached:
     value = found.speed if target.value_rpm is None else case.scales.speed_rpm(found.speed)
     onset = math.nan if target.quantity == "critical_speed" else found.speed
     return Reached(found.status, value, onset, found.bifurcation)
+
+
+def _cycles(case: Case, should_stop: ShouldStop) -> Cycles:
+    return Cycles(build_machine(case), case, parameter_vector(case), (), should_stop)
+
+
+def _doubling_growth(case: Case, target: CalibrationTarget, should_stop: ShouldStop) -> Reached:
+    """The largest growth of period doubling at the speeds of a target."""
+    cycles = _cycles(case, should_stop)
+    try:
+        growths = [doubling_growth(cycles.at(speed)) for speed in target.speeds or ()]
+    except Undecided:
+        return Reached(NO_CYCLE)
+    return Reached(FOUND, max(growths), bifurcation="period_doubling" if max(growths) > 0.0 else "unset")
+
+
+def _corner(
+    case: Case,
+    target: CalibrationTarget,
+    speeds: tuple[float, float],
+    expected: Expected,
+    should_stop: ShouldStop,
+) -> Corner | None:
+    """The corner near an expected one, or else the one at the lowest frequency of the range."""
+    cycles, frequencies = _cycles(case, should_stop), target.frequency_range
+    assert frequencies is not None
+    near = corner_near(cycles, expected) if isinstance(expected, Corner) else None
+    return near or first_corner(cycles, frequencies, speeds)
+
+
+def _of_corner(corner: Corner | None, case: Case, target: CalibrationTarget) -> Reached:
+    if corner is None:
+        return Reached(UNDECIDED)
+    if target.quantity == "corner_frequency":
+        return Reached(FOUND, corner.frequency, corner.speed)
+    return _in_unit(Onset(FOUND, corner.speed), case, target)
 
 
 def _slope(

@@ -5,5 +5,8 @@
 - tracing: one curve in its group
 - starts: where curves can start, and which start comes next
 - rows: conversion of the points of a curve to rows of the store, and back
+- lines: the branches along which a search crosses the plane
+- outlook: how much of a search is left
+- open_ends: ends inside the plane from which no curve goes on
 - bifurcation_set: the search for all bifurcation curves of a plane
 """

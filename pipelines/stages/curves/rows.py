@@ -8,17 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.bifurcations.curve import CurvePoint, CurveState, SpecialKind, SpecialPoint
+from pipelines.bifurcations.curve import CurvePoint, CurveState, SpecialKind, SpecialPoint, TongueSide
 from pipelines.bifurcations.curves.codimension_two import other_multipliers
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveProblem
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
-from pipelines.datasets.records import Branch, Group, Resume
+from pipelines.datasets.branch import BranchWriter
+from pipelines.datasets.records import Group, Resume
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS
+from pipelines.orbits.grazing import Graze, nearest_graze
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
 from pipelines.stages.parameter_columns import parameter_columns, stored_parameters
 
@@ -28,8 +30,8 @@ CONTAINERS: Mapping[EventKind, str] = {
     EventKind.FOLD: "folds",
 }
 DIRECTION_NAMES = ("tangent", "normal", "gradient", "bend")  # of the array `directions`, in this order
-TRACED = ("parameter_tangent", "arclength", "state", "angle")  # read by `traced`, with the free parameters
-SPECIAL_NAMES = tuple(spec.name for spec in KINDS["curve"].arrays if spec.name.startswith("event_"))
+# read by `traced`, with the free parameters
+TRACED = ("parameter_tangent", "arclength", "state", "angle", "unstable_count")
 
 
 def curve_sizes(machine: Machine, case: Case, problem: CurveProblem) -> dict[str, int]:
@@ -63,19 +65,21 @@ class CurveRecorder:
         self,
         machine: Machine,
         problem: CurveProblem,
-        curve: Branch,
+        curve: BranchWriter,
         case: Case,
         report_point: Callable[[CurvePoint, CurveState, tuple[SpecialPoint, ...]], None],
     ) -> None:
         self._machine, self._problem, self._curve = machine, problem, curve
         self._case, self._report_point = case, report_point
         self._shape: CycleShape | None = None
+        self._graze: Graze | None = None
 
     def limit(self, point: CurvePoint) -> str | None:
         """The reason why a point is not physical: a film too thin, or a pressure below vacuum; else None."""
         cycle = point.cycle
         multiple = self._problem.period_map.period_multiple
         self._shape = cycle_shape(self._machine, cycle.image.orbit, cycle.parameters, multiple, snapshots=0)
+        self._graze = nearest_graze(self._machine, cycle.image.orbit, multiple)
         return unphysical(self._shape, self._case.continue_cycles.minimum_film)
 
     def record(self, point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
@@ -84,8 +88,11 @@ class CurveRecorder:
         case, after = self._case, state.index - 1
         rows = [special_row(case, special, after) for special in specials]
         rows += [_unlocated_row(case, kind, point, after) for kind in point.unlocated]
+        # curves begun by an older version lack the newest arrays
+        rows = [{name: value for name, value in row.items() if name in self._curve.arrays} for row in rows]
         autonomous = self._problem.period_map.autonomous
-        self._curve.commit(point_row(case, point, state, self._shape, autonomous), _slots(state), rows)
+        row = point_row(case, point, state, self._shape, autonomous) | _graze_columns(self._graze)
+        self._curve.commit(row, _slots(state), rows)
         self._report_point(point, state, specials)
 
 
@@ -122,7 +129,16 @@ def point_row(
         "alignment": point.alignment,
         "steps_per_period": state.steps,
         "step_error": state.step_error,
+        "clipping_width": state.clipping_width,
+        "width_effect": point.width_effect,
     }
+
+
+def _graze_columns(graze: Graze | None) -> dict[str, Any]:
+    """Where the film comes nearest to touching ambient pressure without slope."""
+    if graze is None:
+        graze = Graze(np.nan, -1, np.nan, np.nan)
+    return {f"grazing_{name}": value for name, value in vars(graze).items()}
 
 
 def _criticality(point: CurvePoint) -> int:
@@ -152,6 +168,7 @@ def special_row(case: Case, special: SpecialPoint, after_point: int) -> dict[str
     return _event_row(
         case, special.kind, special.parameters, special.state, special.period, special.multipliers,
         after_point, angle=float(np.arccos(np.clip(special.cos_theta, -1.0, 1.0))), residual=special.residual,
+        tongue=special.tongue, width=special.width,
     )  # fmt: skip
 
 
@@ -174,6 +191,8 @@ def _event_row(
     after_point: int,
     angle: float,
     residual: float,
+    tongue: TongueSide | None = None,
+    width: float = np.nan,
 ) -> dict[str, Any]:
     flags = KINDS["curve"].array("event_kind").flags
     return {
@@ -185,12 +204,27 @@ def _event_row(
         "event_multipliers": multipliers,
         "event_angle": angle,
         "event_residual": residual,
+        "event_tongue": np.int8(-1 if tongue is None else tongue),
+        "event_width": width,
     }
 
 
+def special_names(attributes: Mapping[str, Any]) -> tuple[str, ...]:
+    """The arrays of the codimension-two points of a curve with these attributes."""
+    return tuple(name for name in attributes["arrays"] if name.startswith("event_"))
+
+
+def special_labels(curve: Group) -> list[str]:
+    """What the codimension-two points of a curve are, from its event_kind and, if any, event_tongue."""
+    sides = curve.labels("event_tongue") if "event_tongue" in curve.arrays else curve.labels("event_kind")
+    pairs = zip(curve.labels("event_kind").tolist(), sides.tolist(), strict=True)
+    return ["unresolved tongue" if side == "unresolved" else kind.replace("_", " ") for kind, side in pairs]
+
+
 def stored_special(curve: Group, index: int) -> SpecialPoint:
-    """A located codimension-two point read back; ``curve`` must have the arrays ``SPECIAL_NAMES``."""
+    """A located codimension-two point read back; ``curve`` must have its arrays ``special_names``."""
     arrays = curve.arrays
+    tongue = int(arrays["event_tongue"][index]) if "event_tongue" in arrays else -1
     name = KINDS["curve"].array("event_kind").flags[int(arrays["event_kind"][index])]
     multipliers = arrays["event_multipliers"][index]
     return SpecialPoint(
@@ -203,6 +237,8 @@ def stored_special(curve: Group, index: int) -> SpecialPoint:
         residual=float(arrays["event_residual"][index]),
         fraction=float("nan"),
         steps=-1,
+        tongue=None if tongue < 0 else TongueSide(tongue),
+        width=float(arrays["event_width"][index]) if "event_width" in arrays else float("nan"),
     )
 
 
@@ -210,7 +246,12 @@ def traced(curve: Group, names: tuple[str, str]) -> KnownCurve:
     """A stored curve, to test which bifurcations lie on it; needs the arrays ``TRACED`` and ``names``."""
     parameters = np.column_stack([curve[name] for name in names])
     return KnownCurve(
-        parameters, curve["parameter_tangent"], curve["arclength"], curve["state"], curve["angle"]
+        parameters,
+        curve["parameter_tangent"],
+        curve["arclength"],
+        curve["state"],
+        curve["angle"],
+        curve["unstable_count"].astype(float),
     )
 
 
@@ -244,6 +285,7 @@ def resumed_state(newest: Resume, rows: Mapping[str, Array], names: tuple[str, s
         "previous_arclength": rows["arclength"][previous],
         "steps": row["steps_per_period"],
         "step_error": row["step_error"],
+        "clipping_width": row["clipping_width"],
         "basis": slots["basis"][:, :columns],
         "start_state": rows["state"][0],
         "start_period": rows["period"][0],

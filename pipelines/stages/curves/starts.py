@@ -2,8 +2,8 @@
 
 Curves start at the bifurcations of all completed branches of cycles, and at the codimension-two points of
 stored curves where another curve meets them.  At the resonances R1 and R2 a Neimark-Sacker curve ends on the
-stored one; at the others a second bifurcation happens at the same parameters.  Starts are taken in the order
-of their groups; each is compared with the curves traced before it.
+stored one, and goes on from the far side of a tongue; at the others a second bifurcation happens at the same
+parameters.  Starts are taken in the order of their groups; each is compared with the curves traced before it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipelines.bifurcations.curve import CurveStart, CurveStop
+from pipelines.bifurcations.curve import CurveStart, CurveStop, SpecialKind
 from pipelines.bifurcations.curves.codimension_two import other_multipliers, resonant_end, second_bifurcation
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
@@ -22,7 +22,7 @@ from pipelines.bifurcations.switching import curve_from_event, curve_of_second, 
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
-from pipelines.stages.curves.rows import CONTAINERS, SPECIAL_NAMES, TRACED, stored_special, traced
+from pipelines.stages.curves.rows import CONTAINERS, TRACED, special_names, stored_special, traced
 from pipelines.stages.cycles.problem import cycle_problem, parameter_scale
 from pipelines.stages.cycles.rows import EVENT_NAMES, stored_event
 from pipelines.stages.job import Job, Origin
@@ -36,7 +36,8 @@ class Start:
     """A bifurcation at which a curve may start.
 
     ``turns``: number of excitation periods in the cycles; ``bounds``: whether the curve bounds stable cycles
-    there, since all multipliers but the critical ones lie inside the unit circle.
+    there, since all multipliers but the critical ones lie inside the unit circle; ``continues``: whether it
+    goes on where a Neimark-Sacker curve ends at R1 or R2.
     """
 
     origin: Origin
@@ -44,6 +45,7 @@ class Start:
     guess: CurveStart
     turns: int
     bounds: bool
+    continues: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,9 @@ class PendingCurve:
 class StartQueue:
     """The starts of a case's curves in the order of kinds and groups, read from the store at every call.
 
-    ``boundaries``: only starts that bound stable cycles.  ``without``: branches whose bifurcations are not
+    ``boundaries``: only starts that bound stable cycles.  ``continued``: further kinds, of which curves are
+    followed only where they continue the boundary of stable cycles at the end of a Neimark-Sacker curve.
+    ``without``: branches whose bifurcations are not
     taken into account yet.  ``settled``: starts that need no curve, whatever
     curves follow.  Of these, ``outside`` lie outside the plane, ``refused`` exceed the largest number of
     curves, and the others lie on a curve.
@@ -80,6 +84,7 @@ class StartQueue:
     job: Job
     kinds: Sequence[EventKind]
     boundaries: bool = False
+    continued: Sequence[EventKind] = ()
     without: frozenset[str] = frozenset()
     settled: set[tuple[EventKind, Origin]] = field(default_factory=set)
     outside: int = 0
@@ -88,10 +93,12 @@ class StartQueue:
     def pending(self) -> Iterator[PendingCurve]:
         """An unfinished curve if there is one; then the starts that are on no curve yet, in their order."""
         candidates: list[PendingCurve] = []
-        for kind in self.kinds:
+        for kind in (*self.kinds, *self.continued):
             known = curves_of(self.job, kind)
             origins = {name: Origin.of(curve.attributes) for name, curve in known.items()}
             for start in starts_of(self.job, kind, self.without):
+                if kind in self.continued and not (start.continues and start.bounds):
+                    continue
                 mine = tuple(name for name in known if origins[name] == start.origin)
                 if mine and not _is_finished(self.job, start, [known[name] for name in mine]):
                     yield PendingCurve(start, mine, known)
@@ -189,14 +196,16 @@ def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
     others = other_multipliers(
         event.kind, event.multipliers, float(np.cos(event.angle)), cycles.period_map.autonomous
     )
-    return Start(origin, problem, guess, turns, unstable_count(others, False) == 0)
+    unstable = unstable_count(others, False)
+    return Start(origin, problem, replace(guess, unstable=unstable), turns, unstable == 0)
 
 
 def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) -> Iterator[Start]:
     """Starts of curves of ``kind`` at the codimension-two points of a curve of kind ``other``."""
-    curve = job.read(group, SPECIAL_NAMES)
-    if curve.attributes["status"] != ENDED:
+    attributes = job.read(group, ()).attributes
+    if attributes["status"] != ENDED:
         return
+    curve = job.read(group, special_names(attributes))
     turns = int(curve.attributes["turns"])
     for index in range(curve.n_events):
         if not np.isfinite(curve["event_residual"][index]):
@@ -206,7 +215,9 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
         second = second_bifurcation(other, special, problem.period_map.autonomous)
         if second is not None and second.kind is kind:
             joined, guess = curve_of_second(problem, special, second)
-            yield Start(Origin(group, index), joined, guess, turns, unstable_count(second.others, False) == 0)
+            bounds = unstable_count(second.others, False) == 0
+            ends = other is EventKind.NEIMARK_SACKER and special.kind in (SpecialKind.R1, SpecialKind.R2)
+            yield Start(Origin(group, index), joined, guess, turns, bounds, ends and kind is not other)
 
 
 def curve_problem(job: Job, kind: EventKind, turns: int, parameters: np.ndarray) -> CurveProblem:

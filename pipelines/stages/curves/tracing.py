@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from pipelines.bifurcations.curve import CurveOptions, CurvePoint, CurveStart, CurveState, SpecialPoint
+from pipelines.bifurcations.curve import (
+    CurveOptions,
+    CurvePoint,
+    CurveStart,
+    CurveState,
+    SpecialPoint,
+    around_tongue,
+)
 from pipelines.bifurcations.curve_continuation import continue_curve
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
+from pipelines.bifurcations.detection import EventKind
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.stages.curves.rows import RESUMED, CurveRecorder, curve_sizes, resumed_state, traced
 from pipelines.stages.curves.starts import WANTING_POINTS, Start, parameter_scales
-from pipelines.stages.cycles.problem import EVENT_SHARE, NORMAL_FORM, smooth_maps
+from pipelines.stages.cycles.problem import EVENT_SHARE, NORMAL_FORM, kinks_of, smooth_maps
 from pipelines.stages.ending import store_end
 from pipelines.stages.job import Job, coordinates
 
@@ -46,7 +55,7 @@ def _follow(
     job: Job, start: Start, group: str, curve: BranchWriter, direction: int, known: Mapping[str, KnownCurve]
 ) -> None:
     case = job.case
-    problem = start.problem
+    problem = replace(start.problem, kinks=kinks_of(case, job.machine, start.problem.period_map))
     if case.track_curves.normal_forms:
         smooth = smooth_maps(case, problem.period_map, case.track_curves.normal_form_widths)
         problem = replace(problem, smooth_maps=smooth)
@@ -62,6 +71,8 @@ def _follow(
             0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}"
         )
     options = curve_options(job, direction)
+    if problem.kind is not EventKind.NEIMARK_SACKER:
+        options = around_tongue(options, start.guess.width)
     result = continue_curve(
         problem, begin, options, recorder.record, recorder.limit, job.should_stop, known, own
     )
@@ -91,7 +102,7 @@ def _progress_callback(
     limit, names = job.case.track_curves.max_points, start.problem.names
 
     def report_point(point: CurvePoint, state: CurveState, specials: tuple[SpecialPoint, ...]) -> None:
-        where = ", ".join(f"{name} {value:.5g}" for name, value in zip(names, state.parameters, strict=True))
+        where = ", ".join(itertools.starmap(job.place, zip(names, state.parameters, strict=True)))
         found = "".join(f", {special.kind.name.lower().replace('_', ' ')}" for special in specials)
         job.report_progress(state.index + 1, limit, f"{group}: {where}{found}")
 

@@ -14,9 +14,9 @@ from typing import Any
 from pipelines.bifurcations.curve import CurveStop
 from pipelines.bifurcations.detection import EventKind
 from pipelines.case.reading import NamedCase
-from pipelines.stages import step_errors
+from pipelines.stages import regularised, step_errors
 from pipelines.stages.curves.parts import compute_curve, curve_is_needed, curve_parts
-from pipelines.stages.curves.rows import CONTAINERS
+from pipelines.stages.curves.rows import CONTAINERS, special_labels
 from pipelines.stages.curves.starts import StartQueue
 from pipelines.stages.ending import is_success
 from pipelines.stages.job import Job
@@ -103,12 +103,14 @@ def curves_result(job: Job, kind: EventKind, outside: int = 0, refused: int = 0)
 
     ``outside``: starts outside the plane; ``refused``: starts beyond the largest number of curves.
     """
-    names = ("event_kind", step_errors.STEP_ERROR)
-    curves = [job.read(group, names) for group in job.groups(CONTAINERS[kind])]
+    names = {"event_kind", "event_tongue", step_errors.STEP_ERROR, *regularised.ARRAYS}
+    groups = job.groups(CONTAINERS[kind])
+    held = [sorted(names.intersection(job.read(group, ()).attributes["arrays"])) for group in groups]
+    curves = [job.read(group, arrays) for group, arrays in zip(groups, held, strict=True)]
     ok = not refused and all(is_success(curve, COMPLETE) for curve in curves)
     specials: list[str] = []
     for curve in curves:
-        specials += [label.replace("_", " ") for label in curve.labels("event_kind").tolist()]
+        specials += special_labels(curve)
     summary: dict[str, Any] = {"curves": len(curves), "points": sum(curve.n_points for curve in curves)}
     summary |= {name: specials.count(name) for name in dict.fromkeys(specials)}
     if outside:
@@ -116,6 +118,8 @@ def curves_result(job: Job, kind: EventKind, outside: int = 0, refused: int = 0)
     unknown = step_errors.count(curves)
     if where := step_errors.in_words(unknown):
         summary[step_errors.NAME] = where
+    if where := regularised.in_words(regularised.count(curves)):
+        summary[regularised.NAME] = where
     reasons = [curve.attributes["stop_reason"] for curve in curves if curve.attributes["stop_reason"]]
     if job.should_stop():
         reasons.append("stopped on request")

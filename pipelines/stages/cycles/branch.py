@@ -144,9 +144,8 @@ def _progress_callback(
     table = request.case.continue_cycles
 
     def report_point(point: BranchPoint, state: BranchState, events: tuple[Event, ...]) -> None:
-        message = (
-            f"{table.parameter} {state.parameter:.5g}, largest multiplier {abs(state.multipliers[0]):.4f}"
-        )
+        message = job.place(table.parameter, state.parameter)
+        message += f", largest multiplier {abs(state.multipliers[0]):.4f}"
         message += f", {state.steps} steps per period"
         message += "".join(f", {event.kind.name.lower().replace('_', ' ')}" for event in events)
         job.report_progress(state.index + 1, table.max_points, f"{request.group}: {message}")

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.bifurcations.branch import BranchStop
+from pipelines.case.fields import MEASURES, SI_UNITS
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.case.units import Scale, in_si
 from pipelines.datasets.schema import KINDS
 from pipelines.stages import step_errors
 from pipelines.stages.cycles.branch import BranchRequest, is_traced, trace_branch
@@ -170,16 +172,19 @@ def _ends_at(job: Job, groups: Sequence[str], origin: Origin) -> bool:
 def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
     """How the branches of a case ended; the stage succeeds if all of them do."""
     parameter = job.case.continue_cycles.parameter
-    names = ("event_kind", f"event_{parameter}", step_errors.STEP_ERROR)
+    names = ("event_kind", f"event_{parameter}", "unstable_count", step_errors.STEP_ERROR)
     branches, trees = (
         [job.read(group, names) for group in groups],
         [job.read(group, names) for group in doubled],
     )
     summary: dict[str, Any] = {"points": sum(branch.n_points for branch in branches)}
+    if any((branch["unstable_count"][:1] > 0).any() for branch in branches):
+        summary["unstable at the start"] = True  # then the first bifurcation met is not the onset
     if trees:
         summary["doubled branches"] = len(trees)
+    scale = job.case.scales.si_per_unit
     for branch in branches + trees:
-        summary |= _events_summary(branch.arrays, parameter, summary)
+        summary |= _events_summary(branch.arrays, parameter, summary, scale)
     unknown = step_errors.count(branches + trees)
     if where := step_errors.in_words(unknown):
         summary[step_errors.NAME] = where
@@ -192,12 +197,18 @@ def _result(job: Job, groups: list[str], doubled: list[str]) -> StageResult:
     return StageResult(job.case_id, ok, ", ".join(reasons), sentences, summary, caution=doubt)
 
 
-def _events_summary(arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any]) -> dict[str, str]:
-    """Locations of the bifurcations by kind: 'neimark sacker' -> '1.0391, 1.2012'."""
+def _events_summary(
+    arrays: Mapping[str, Any], parameter: str, known: Mapping[str, Any], scale: Scale
+) -> dict[str, str]:
+    """Locations of the bifurcations by kind: 'neimark sacker' -> '1.0391, 1.2012', also in SI units."""
     meanings = KINDS["cycles"].array("event_kind").flags
+    measure = MEASURES[parameter]
     found: dict[str, str] = {}
     for kind, value in zip(arrays["event_kind"], arrays[f"event_{parameter}"], strict=True):
         name = meanings[int(kind)].replace("_", " ")
-        before = found.get(name, known.get(name))
-        found[name] = f"{value:.8g}" if before is None else f"{before}, {value:.8g}"
+        unit = SI_UNITS[measure]
+        in_units = in_si(measure, float(value), scale).removesuffix(f" {unit}")
+        for key, number in ((name, f"{value:.8g}"), (f"{name} [{unit}]", in_units)):
+            before = found.get(key, known.get(key))
+            found[key] = number if before is None else f"{before}, {number}"
     return found

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 from pipelines.bifurcations.branch import ContinuationOptions
 from pipelines.bifurcations.detection import DetectionOptions
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
+from pipelines.bifurcations.plane import Kinks
 from pipelines.case.models import Case
 from pipelines.case.scales import PARAMETERS
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.floquet import BasisOptions
+from pipelines.orbits.grazing import nearest_graze
 from pipelines.orbits.machine_cycles import machine_system
 from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import steppers
-from pipelines.orbits.system import DynamicalSystem
+from pipelines.orbits.system import DynamicalSystem, Matrix, Vector
 
 ORBIT_SAMPLES = 64
 INITIAL_COLUMNS = 23  # and the parameter column: three lines of eight
@@ -65,14 +69,35 @@ def cycle_problem(machine: Machine, case: Case, fixed: Mapping[str, float] | Non
     return CycleProblem(period_map, parameters, table.parameter, options)
 
 
+def is_clipped(case: Case) -> bool:
+    """Whether the clipping of a bearing is Guembel's, so that the equations are only piecewise smooth."""
+    return any(bearing.clipping == "gumbel" for bearing in case.bearings)
+
+
 def smooth_maps(case: Case, period_map: PeriodMap, widths: Sequence[float]) -> tuple[PeriodMap, ...]:
     """The period map of a case with Guembel's clipping regularised over each of the ``widths``.
 
     The ``smooth_maps`` of a CurveProblem; none when the clipping of neither bearing is Guembel's.
     """
-    if all(bearing.clipping != "gumbel" for bearing in case.bearings):
-        return ()
-    return tuple(replace(period_map, system=_smooth_system(case, width)) for width in widths)
+    return tuple(
+        replace(period_map, system=_smooth_system(case, width)) for width in widths if is_clipped(case)
+    )
+
+
+def kinks_of(case: Case, machine: Machine, period_map: PeriodMap) -> Kinks | None:
+    """How the curves of a case pass the kinks of Guembel's clipping; None without kinks or widths."""
+    if not (is_clipped(case) and case.track_curves.clipping_widths):
+        return None
+
+    @cache
+    def regularised(width: float) -> PeriodMap:
+        return smooth_maps(case, period_map, (width,))[0]
+
+    def distance(orbit: Matrix, parameters: Vector) -> float:
+        graze = nearest_graze(machine, orbit, period_map.period_multiple)
+        return math.inf if graze is None else abs(graze.gauge)
+
+    return Kinks(regularised, case.track_curves.clipping_widths, distance)
 
 
 def _smooth_system(case: Case, width: float) -> DynamicalSystem:

@@ -71,10 +71,9 @@ def _synchronous_coefficients(
     """K + i Omega C of every bearing [N/m] for whirl at the rotating speed."""
     result = []
     for index, bearing in enumerate(machine.bearings):
-        own = machine.scales.bearings[index]
         unknowns, position = state[machine.film_unknowns(index)], machine.journal(state, index)[:2]
         dimensionless = dynamic_stiffness(bearing, unknowns, position, parameters, np.array([1j * speed]))[0]
-        result.append(dimensionless * own.force / (own.clearance_ratio * machine.scales.displacement))
+        result.append(dimensionless * machine.scales.bearing_stiffness(index))
     return result
 
 

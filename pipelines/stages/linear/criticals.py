@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.case.units import Scale
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, case_group, open_for_writing
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.machine.condensation_check import CondensationComparison, compare_condensation
+from pipelines.machine.critical_map import critical_map
 from pipelines.orbits.equilibria.campbell import CampbellDiagram, campbell_diagram
 from pipelines.orbits.equilibria.critical_speeds import (
     NO_EQUILIBRIUM,
@@ -30,13 +32,26 @@ from pipelines.orbits.equilibria.critical_speeds import (
 )
 from pipelines.orbits.equilibria.equilibrium import machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed
+from pipelines.orbits.equilibria.modes import logarithmic_decrements
 from pipelines.stages.linear import missing_speeds
+from pipelines.stages.linear.along_speed import direction_flags
 from pipelines.stages.linear.condensed_modes import LinearBearings, checked_modes, linear_bearings
-from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult, StopRequested
+from pipelines.stages.results import (
+    Progress,
+    Report,
+    Scalar,
+    ShouldStop,
+    StageResult,
+    StopRequested,
+    in_both_units,
+)
 
 COMPARED_MODES = 8
 # The unbalance of the comparison: the rotor's mass, off its axis by this part of the clearance.
 UNBALANCE_ECCENTRICITY = 0.01
+
+# The critical speed map: points, modes of each direction, times the bearings' stiffness that it goes beyond.
+MAP_POINTS, MAP_MODES, MAP_REACH = 41, 4, 30.0
 
 NO_CRITICAL = "no critical speed lies inside the range"
 UNDECIDED = "critical speeds may be missing"
@@ -48,7 +63,7 @@ def criticals(named: NamedCase, store_path: Path, report: Report, should_stop: S
     store, group = open_for_writing(store_path), case_group(named.case_id, "criticals")
     request = named.case.criticals.model_dump(mode="json")
     if store.has_group(group) and read_group(store, group, ()).attributes.get("request") == request:
-        return _result(named.case_id, store, group)
+        return _result(named, store, group)
     machine, parameters = build_machine(named.case), parameter_vector(named.case)
     table = named.case.criticals
     total = table.points + table.unbalance_points
@@ -74,12 +89,17 @@ def criticals(named: NamedCase, store_path: Path, report: Report, should_stop: S
         arrays |= _comparison_arrays(machine, _comparison(machine, named.case, linear, at_operation))
         speeds_found = [one.speed for one in critical.found]
         checked = checked_modes(machine, named.case, linear, at_operation, speeds_found)
-        arrays |= checked.arrays
-        attributes = {"condensation_error": checked.error, "caution": checked.caution}
+        arrays |= checked.arrays | _map_arrays(machine, linear)
+        attributes = {
+            "condensation_error": checked.error,
+            "caution": checked.caution,
+            "compared_speed": float(linear.speeds[at_operation]),
+            "unbalance_eccentricity": UNBALANCE_ECCENTRICITY,
+        }
     attributes |= {"request": request, **_missing_attributes(diagram, critical, speeds)}
     write_group(store, group, "criticals", arrays, attributes)
     report(Progress("criticals", named.case_id, total, total))
-    return _result(named.case_id, store, group)
+    return _result(named, store, group)
 
 
 def _missing_attributes(diagram: CampbellDiagram, critical: CriticalSpeeds, speeds: Array) -> dict[str, Any]:
@@ -169,17 +189,11 @@ def _campbell_arrays(diagram: CampbellDiagram) -> dict[str, Any]:
         "speed": diagram.speeds,
         "frequency": diagram.eigenvalues.imag,
         "damping_ratio": diagram.damping_ratios,
+        "logarithmic_decrement": logarithmic_decrements(diagram.eigenvalues),
         "direction": np.where(
-            np.isfinite(diagram.eigenvalues), _direction_flags(diagram.directions), -1
+            np.isfinite(diagram.eigenvalues), direction_flags(diagram.directions), -1
         ).astype(np.int8),
     }
-
-
-def _direction_flags(directions: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Stored flags of +1 forward, -1 backward, 0 planar."""
-    flag = KINDS["criticals"].array("direction").flag
-    table = {1: flag("forward"), -1: flag("backward"), 0: flag("mixed")}
-    return np.vectorize(table.__getitem__, otypes=[np.int8])(directions)
 
 
 def _critical_arrays(machine: Machine, critical: list[CriticalSpeed]) -> dict[str, Any]:
@@ -188,7 +202,7 @@ def _critical_arrays(machine: Machine, critical: list[CriticalSpeed]) -> dict[st
     return {
         "critical_speed": np.array([one.speed for one in critical]),
         "critical_damping_ratio": np.array([one.damping_ratio for one in critical]),
-        "critical_direction": _direction_flags(directions),
+        "critical_direction": direction_flags(directions),
         "critical_mode_shape": shapes.reshape(len(critical), machine.rotor.nodes, 2),
     }
 
@@ -229,27 +243,49 @@ def _comparison_arrays(machine: Machine, comparison: CondensationComparison) -> 
     }
 
 
-def _result(case_id: str, store: Store, group: str) -> StageResult:
+def _map_arrays(machine: Machine, linear: LinearBearings) -> dict[str, Any]:
+    """The critical speed map about the stiffness that the bearings have, dimensionless speeds."""
+    direct = np.stack([np.diagonal(each.stiffness, axis1=1, axis2=2) for each in linear.bearings], axis=1)
+    positive = direct[direct > 0.0]
+    low, high = (positive.min(), positive.max()) if positive.size else (machine.scales.stiffness,) * 2
+    stiffness = np.logspace(np.log10(low / MAP_REACH), np.log10(high * MAP_REACH), MAP_POINTS)
+    nodes = [bearing.node for bearing in linear.bearings]
+    maps = [critical_map(machine.rotor, nodes, stiffness, MAP_MODES, backward) for backward in (False, True)]
+    return {
+        "support_stiffness": stiffness,
+        "map_forward": maps[0] * machine.scales.time,
+        "map_backward": maps[1] * machine.scales.time,
+        "direct_stiffness": direct,
+    }
+
+
+def _result(named: NamedCase, store: Store, group: str) -> StageResult:
+    scale = named.case.scales.si_per_unit
     content = read_group(store, group, ("speed", "critical_speed", "resonance_frequency"))
     critical, resonances = content.arrays["critical_speed"], content.arrays["resonance_frequency"]
     lowest = float(critical[0]) if critical.size else None
-    summary: dict[str, Scalar] = {
-        "critical speeds": int(critical.size),
-        "lowest": lowest,
-        "resonances": int(resonances.size),
-    }
+    summary: dict[str, Scalar] = {"critical speeds": int(critical.size)}
+    summary |= in_both_units("lowest", "speed", lowest, scale)
+    summary["resonances"] = int(resonances.size)
     attributes = content.attributes
     summary["condensation error"] = attributes.get("condensation_error")
-    if without := _without_equilibrium(attributes):
-        summary["without equilibrium"] = without
+    summary |= _without_equilibrium(attributes, scale)
     reason = attributes["stop_reason"]
     advice, caution = attributes["stop_advice"], attributes.get("caution", "")
-    return StageResult(case_id, reason in SUCCESSFUL, reason, advice, summary, caution=caution)
+    return StageResult(named.case_id, reason in SUCCESSFUL, reason, advice, summary, caution=caution)
 
 
-def _without_equilibrium(attributes: Mapping[str, Any]) -> str:
+def _without_equilibrium(attributes: Mapping[str, Any], scale: Scale) -> dict[str, Scalar]:
     """Speeds of the range without equilibrium, or the intervals between them; empty without any."""
     if missing := attributes[missing_speeds.ATTRIBUTE]:
-        return missing_speeds.named(missing)
+        return missing_speeds.summary(missing, scale)
     gaps = [one for one in attributes["undecided_stretches"] if one["reason"] == NO_EQUILIBRIUM]
-    return ", ".join(f"{gap['low']:.4g} to {gap['high']:.4g}" for gap in gaps)
+    if not gaps:
+        return {}
+    rpm = scale["speed"]
+    return {
+        "without equilibrium": ", ".join(f"{gap['low']:.4g} to {gap['high']:.4g}" for gap in gaps),
+        "without equilibrium [rpm]": ", ".join(
+            f"{rpm * gap['low']:.0f} to {rpm * gap['high']:.0f}" for gap in gaps
+        ),
+    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,23 +13,33 @@ from numpy.typing import NDArray
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
+from pipelines.case.units import Scale, in_both
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
 from pipelines.datasets.store import case_group, open_for_writing
 from pipelines.machine import film
-from pipelines.machine.assembly import Machine, build_machine, parameter_vector
+from pipelines.machine.assembly import Machine, build_machine
+from pipelines.machine.rotor_modes import whirl_directions
+from pipelines.orbits.equilibria.bearing_coefficients import machine_coefficients
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, Equilibrium, at_rest, equilibrium_along
 from pipelines.orbits.equilibria.linear import (
     Instability,
     at_speed,
-    dynamic_stiffness,
     linear_point,
     linearised,
     locate_instability,
 )
-from pipelines.stages.linear import missing_speeds
-from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.orbits.equilibria.modes import logarithmic_decrements, node_shapes
+from pipelines.stages.linear import missing_speeds, operating_point
+from pipelines.stages.linear.along_speed import (
+    direction_flags,
+    last_state,
+    missing_entries,
+    reference_parameters,
+)
+from pipelines.stages.linear.operating_point import write_operating_point
+from pipelines.stages.results import Progress, Report, Scalar, ShouldStop, StageResult, in_both_units
 
 HIDDEN = "the instability lies at speeds without equilibrium"
 
@@ -37,57 +47,40 @@ HIDDEN = "the instability lies at speeds without equilibrium"
 def linearize(named: NamedCase, store_path: Path, report: Report, should_stop: ShouldStop) -> StageResult:
     """Fill the group ``linear`` of a case, speed by speed from the lowest; resumes after the last speed."""
     store = open_for_writing(store_path)
-    machine, parameters = build_machine(named.case), reference_parameters(named.case)
+    machine, parameters = (
+        build_machine(named.case),
+        reference_parameters(named.case, named.case.linearize.ring),
+    )
     table = named.case.linearize
-    speeds = np.linspace(*table.speed_range, table.points)
+    speeds, scale = np.linspace(*table.speed_range, table.points), named.case.scales.si_per_unit
     group = case_group(named.case_id, "linear")
+    write_operating_point(store, named, machine)
     with open_branch(
         store, group, "linear", _sizes(machine, named.case), {"whirl_ratio": np.array(table.whirl_ratios)},
-        {"request": table.model_dump(mode="json")},
+        {"request": table.model_dump(mode="json")}, renew=True,
     ) as branch:  # fmt: skip
         if branch.status != ENDED:
             reasons: dict[int, str] = {}
             for index in range(branch.n_points, table.points):
                 if should_stop():
                     return StageResult(named.case_id, True, "stopped on request")
-                equilibrium = equilibrium_along(machine, parameters, speeds, index, _last_state(branch))
+                equilibrium = equilibrium_along(machine, parameters, speeds, index, last_state(branch))
                 reasons[index] = equilibrium.reason
                 at = at_speed(parameters, float(speeds[index]))
                 branch.commit(_row(machine, at, named.case, equilibrium))
-                message = f"speed {speeds[index]:.4g}"
+                message = f"speed {in_both('speed', float(speeds[index]), scale, '.4g')}"
                 report(Progress("linearize", named.case_id, index + 1, table.points, message))
             rows = read_group(store, group, ("speed", "state", "eigenvalues")).arrays
-            missing = _missing(machine, parameters, rows, reasons)
+            missing = missing_entries(machine, parameters, rows, reasons)
             _finish(
                 branch,
                 missing,
                 {} if len(missing) == table.points else _instability(machine, parameters, rows),
             )
     attributes = read_group(store, group, ()).attributes
-    return _result(named.case_id, attributes)
-
-
-def reference_parameters(case: Case) -> Array:
-    """The case's parameters; with undeformed rings if the passive machine is to be linearised."""
-    parameters = parameter_vector(case)
-    if case.linearize.ring == "undeformed":
-        parameters[film.DISPLACEMENT] = 0.0
-    return parameters
-
-
-def _missing(
-    machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]], known: Mapping[int, str]
-) -> list[str]:
-    """The report on speeds without equilibrium; reasons that are not ``known`` are recomputed."""
-    speeds, states = rows["speed"], rows["state"]
-    missing = []
-    for index in np.flatnonzero(~np.isfinite(states).all(axis=1)):
-        reason = known.get(int(index))
-        if reason is None:
-            guess = states[index - 1] if index > 0 and np.isfinite(states[index - 1]).all() else None
-            reason = equilibrium_along(machine, parameters, speeds, int(index), guess).reason
-        missing.append(missing_speeds.entry(float(speeds[index]), reason))
-    return missing
+    at_operation = read_group(store, case_group(named.case_id, operating_point.GROUP))
+    tables = operating_point.tables(at_operation)
+    return _result(named.case_id, attributes, scale, at_operation.attributes, tables)
 
 
 def _finish(branch: BranchWriter, missing: list[str], instability: dict[str, Any]) -> None:
@@ -115,18 +108,10 @@ def _sizes(machine: Machine, case: Case) -> dict[str, int]:
     }
 
 
-def _last_state(branch: BranchWriter) -> Array | None:
-    """The equilibrium at the previous speed, from which the next one is searched."""
-    newest = branch.resume_row()
-    if newest is None or not np.all(np.isfinite(newest.row["state"])):
-        return None
-    return np.asarray(newest.row["state"])
-
-
 def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibrium) -> dict[str, Any]:
     """One row of the group; a speed without equilibrium stores its residual and NaN otherwise."""
     table, bearings = case.linearize, len(machine.bearings)
-    coefficients = np.full((len(table.whirl_ratios), bearings, 2, 2), complex(np.nan, np.nan))
+    stiffness = damping = np.full((len(table.whirl_ratios), bearings, 2, 2), np.nan)
     row: dict[str, Any] = {
         "speed": parameters[film.SPEED],
         "state": np.full(machine.size, np.nan),
@@ -134,29 +119,32 @@ def _row(machine: Machine, parameters: Array, case: Case, equilibrium: Equilibri
         "minimum_film": np.full(bearings, np.nan),
         "eigenvalues": np.zeros(0, dtype=np.complex128),
         "eigenvalue_residual": np.zeros(0),
+        "logarithmic_decrement": np.zeros(0),
+        "damping_ratio": np.zeros(0),
+        "direction": np.zeros(0, dtype=np.int8),
         "newton_iterations": equilibrium.iterations,
         "newton_residual": equilibrium.residual,
     }
     if equilibrium.converged:
         point = linearised(machine, parameters, equilibrium, table.eigenvalues)
         state, still = equilibrium.state, at_rest(parameters)
+        eigenvalues = point.eigenpairs.values
+        decrement = logarithmic_decrements(eigenvalues)
+        directions = direction_flags(whirl_directions(node_shapes(machine, point.eigenpairs.vectors)))
         journals = np.array([machine.journal(state, index)[:2] for index in range(bearings)])
         row |= {
             "state": state,
             "journal": journals,
             "minimum_film": machine.minimum_film(MEAN_PHASE, state, still),
-            "eigenvalues": point.eigenpairs.values,
+            "eigenvalues": eigenvalues,
             "eigenvalue_residual": point.eigenpairs.residuals,
+            "logarithmic_decrement": decrement,
+            "damping_ratio": -eigenvalues.real / np.abs(eigenvalues),
+            "direction": np.where(np.isfinite(decrement), directions, -1).astype(np.int8),
         }
-        frequencies = np.array(table.whirl_ratios) * parameters[film.SPEED]
-        for index, bearing in enumerate(machine.bearings):
-            own = state[machine.film_unknowns(index)]
-            # Z(i omega) = K + i omega C
-            complex_stiffness = dynamic_stiffness(bearing, own, journals[index], parameters, 1j * frequencies)
-            coefficients[:, index] = (
-                complex_stiffness.real + 1j * complex_stiffness.imag / frequencies[:, None, None]
-            )
-    return row | {"bearing_stiffness": coefficients.real, "bearing_damping": coefficients.imag}
+        whirl = np.array(table.whirl_ratios) * parameters[film.SPEED]
+        stiffness, damping = machine_coefficients(machine, parameters, state, whirl)
+    return row | {"bearing_stiffness": stiffness, "bearing_damping": damping}
 
 
 def _instability(machine: Machine, parameters: Array, rows: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
@@ -208,15 +196,25 @@ def hopf_between(
         return None
 
 
-def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
+def _result(
+    case_id: str,
+    attributes: Mapping[str, Any],
+    scale: Scale,
+    operation: Mapping[str, Any],
+    tables: Mapping[str, Sequence[Mapping[str, Scalar]]],
+) -> StageResult:
     speed = attributes.get("instability_speed")
-    summary = {"speeds": attributes["n_points"], "instability speed": speed}
+    ok = attributes["stop_reason"] in missing_speeds.SUCCESSFUL
+    summary: dict[str, Scalar] = {"speeds": attributes["n_points"]}
+    summary |= in_both_units("instability speed", "speed", speed, scale)
     if speed is not None:
-        summary["whirl frequency"] = attributes["instability_frequency"]
+        summary |= in_both_units("whirl frequency", "frequency", attributes["instability_frequency"], scale)
     if attributes.get("unstable_from_start"):
         summary["unstable from the lowest speed"] = True
-    missing = attributes.get(missing_speeds.ATTRIBUTE, [])
-    if missing:
-        summary["without equilibrium"] = missing_speeds.named(missing)
-    ok = attributes["stop_reason"] in missing_speeds.SUCCESSFUL
-    return StageResult(case_id, ok, attributes["stop_reason"], attributes["stop_advice"], summary)
+    elif speed is None and ok:
+        highest = float(attributes["request"]["speed_range"][1])
+        summary |= in_both_units("stable up to", "speed", highest, scale)
+    summary |= missing_speeds.summary(attributes.get(missing_speeds.ATTRIBUTE, []), scale)
+    summary["operating speed [rpm]"] = operation["speed_rpm"]
+    reason, advice = attributes["stop_reason"], attributes["stop_advice"]
+    return StageResult(case_id, ok, reason, advice, summary, tables=tables)

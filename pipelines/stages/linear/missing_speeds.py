@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+from pipelines.case.units import Scale
+from pipelines.stages.results import Scalar
 
 # A stage fails where more than this share of its speeds has no equilibrium.
 LARGEST_SHARE = 0.1
@@ -32,7 +35,28 @@ def ending(missing: Sequence[str], total: int) -> str:
 
 def named(missing: Sequence[str]) -> str:
     """The speeds, a few of them by value."""
-    speeds = [one.partition(":")[0].removeprefix("speed ") for one in missing]
+    return _few(_speeds(missing))
+
+
+def named_in_both(missing: Sequence[str], scales: Mapping[str, float] | None) -> str:
+    """The same, in rpm too where the ``scales`` of the case are stored."""
+    if scales is None:
+        return named(missing)
+    found = summary(missing, {"speed": scales["speed_rpm_per_unit"]})
+    return f"{found['without equilibrium']}; {found['without equilibrium [rpm]']} rpm"
+
+
+def summary(missing: Sequence[str], scale: Scale) -> dict[str, Scalar]:
+    """The speeds as part of a summary, in both units."""
+    rpm = [f"{float(speed) * scale['speed']:.0f}" for speed in _speeds(missing)]
+    return {"without equilibrium": named(missing), "without equilibrium [rpm]": _few(rpm)} if missing else {}
+
+
+def _speeds(missing: Sequence[str]) -> list[str]:
+    return [one.partition(":")[0].removeprefix("speed ") for one in missing]
+
+
+def _few(speeds: Sequence[str]) -> str:
     more = f" and {len(speeds) - NAMED} more" if len(speeds) > NAMED else ""
     return ", ".join(speeds[:NAMED]) + more
 

@@ -37,7 +37,7 @@ def unbalance_response(
     store, group = open_for_writing(store_path), case_group(named.case_id, GROUP)
     request = request_of(named.case)
     if store.has_group(group) and read_group(store, group, ()).attributes.get("request") == request:
-        return _result(named.case_id, store, group)
+        return _result(named, store, group)
     table, masses = named.case.unbalance_response, unbalance_masses(named.case)
     machine = build_machine(named.case)
 
@@ -68,7 +68,7 @@ def unbalance_response(
     }
     write_group(store, group, GROUP, arrays, attributes)
     report(Progress(GROUP, named.case_id, table.points, table.points))
-    return _result(named.case_id, store, group)
+    return _result(named, store, group)
 
 
 def request_of(case: Case) -> dict[str, Any]:
@@ -117,7 +117,7 @@ def _peak_arrays(found: SynchronousResponse, probes: Sequence[int]) -> dict[str,
     }
 
 
-def _result(case_id: str, store: Store, group: str) -> StageResult:
+def _result(named: NamedCase, store: Store, group: str) -> StageResult:
     content = read_group(store, group, ("speed", "peak_speed", "peak_amplification"))
     attributes, factors = content.attributes, content.arrays["peak_amplification"]
     known = factors[np.isfinite(factors)]
@@ -126,8 +126,7 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
         "resonances": len(factors),
         "largest amplification": float(known.max()) if known.size else None,
     }
-    if missing := attributes[missing_speeds.ATTRIBUTE]:
-        summary["without equilibrium"] = missing_speeds.named(missing)
+    summary |= missing_speeds.summary(attributes[missing_speeds.ATTRIBUTE], named.case.scales.si_per_unit)
     motion, caution = attributes["largest_motion"], ""
     if motion > SMALL:
         caution = (
@@ -136,4 +135,4 @@ def _result(case_id: str, store: Store, group: str) -> StageResult:
         )
     reason = attributes["stop_reason"]
     successful = reason in missing_speeds.SUCCESSFUL
-    return StageResult(case_id, successful, reason, attributes["stop_advice"], summary, caution=caution)
+    return StageResult(named.case_id, successful, reason, attributes["stop_advice"], summary, caution=caution)

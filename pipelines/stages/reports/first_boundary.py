@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from pipelines.case.arrays import Array
 from pipelines.datasets.curves import BifurcationCurve
 
-CRITICAL_MULTIPLIERS = {"period_doubling": 1, "neimark_sacker": 2, "fold": 1}
 NO_BIFURCATION = "none"
 UNSET = "unset"
 GRID = 201  # values of the other parameter at which the boundary is sought, beside those where it turns
 SLIVER = 1e-6  # of the width: parts narrower than this are gaps between curves that end in one point
 GAP = 1e-3  # of the width: narrower gaps between two lower parts are no range to operate in
 RESOLUTION = 1e-9  # of the width of the plane, to which the places are found where one boundary takes over
-SAMPLES_TRIED = 12  # stored cycles, nearest first, from which the stability at the lowest speed is carried
+SAMPLES_TRIED = 12  # stored cycles, nearest first, from which the stability elsewhere is carried
 
 
 @dataclass(frozen=True)
@@ -130,20 +129,24 @@ class SpeedPlane:
         )
 
     def unstable_at_lowest(self, abscissa: float) -> int | None:
-        """Unstable multipliers of the base cycle at the lowest speed, inferred from a stored cycle.
+        """Unstable multipliers of the base cycle at the lowest speed."""
+        return self.unstable_at(abscissa, self.speeds[0])
 
-        The path leads along the cycle's speed to the abscissa, then down; None where no path is consistent
-        with the curves.
+    def unstable_at(self, abscissa: float, speed: float) -> int | None:
+        """Unstable multipliers of the base cycle at a place, inferred from a stored cycle.
+
+        The path leads along the cycle's speed to the abscissa, then up or down; None where no path is
+        consistent with the curves.
         """
         if not len(self.samples):
             return None
         width, height = np.ptp(self.abscissae), np.ptp(self.speeds)
-        distance = np.abs(self.samples - [abscissa, self.speeds[0]]) @ [1.0 / width, 1.0 / height]
+        distance = np.abs(self.samples - [abscissa, speed]) @ [1.0 / width, 1.0 / height]
         for row in np.argsort(distance, kind="stable")[:SAMPLES_TRIED]:
             (from_abscissa, from_speed), count = self.samples[row], int(self.unstable[row])
             across = self.crossings(1 - self.axis, from_speed, from_abscissa, abscissa)
-            down = self.crossings(self.axis, abscissa, from_speed, self.speeds[0])
-            carried = self._carried(count, across + down)
+            along = self.crossings(self.axis, abscissa, from_speed, speed)
+            carried = self._carried(count, across + along)
             if carried is not None:
                 return carried
         return None
@@ -151,7 +154,7 @@ class SpeedPlane:
     def _carried(self, count: int, crossings: Sequence[Crossing]) -> int | None:
         """Unstable multipliers after a sequence of crossings; None if the numbers do not match."""
         for crossing in crossings:
-            critical = CRITICAL_MULTIPLIERS[self.curves[crossing.curve].bifurcation]
+            critical = self.curves[crossing.curve].critical_multipliers
             within = crossing.unstable
             if within < 0 or count not in (within, within + critical):
                 return None

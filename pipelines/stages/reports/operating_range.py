@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from pipelines.case.arrays import Array
 from pipelines.datasets.branch import write_group
-from pipelines.datasets.curves import CURVE_CONTAINERS, BifurcationCurve, read_curve
-from pipelines.datasets.reading import list_groups, read_group
+from pipelines.datasets.curves import CURVE_CONTAINERS, curves_of_plane
+from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, case_group, local_name, open_for_writing
 from pipelines.stages.reports.first_boundary import UNSET, Boundary, SpeedPlane, lower_envelope
+from pipelines.stages.reports.margin import Margin, margin_of
 
 GROUP = "operating_range"
 SPEED, FREQUENCY = "speed", "excitation_frequency"
@@ -75,7 +76,8 @@ class OperatingRange:
     """The first boundary over the abscissa (``parameter``), and the conclusions from it.
 
     ``curves``: names that ``Boundary.curve`` counts; ``caution``: for every boundary whether an incomplete
-    curve ends near it.  Speeds are dimensionless; None where not known.
+    curve ends near it; ``margin``: of the case's own operating point, None where that has none.  Speeds are
+    dimensionless; None where not known.
     """
 
     parameter: str
@@ -88,6 +90,7 @@ class OperatingRange:
     reference: Boundary | None
     best: Best | None
     cautions: tuple[str, ...]
+    margin: Margin | None = None
 
     @property
     def passive_gain(self) -> float | None:
@@ -142,6 +145,7 @@ class OperatingRange:
             "best": None if self.best is None else self.boundary_data(self.best.boundary),
             "best_interval": None if self.best is None else list(self.best.interval),
             "cautions": list(self.cautions),
+            "margin": None if self.margin is None else self.margin.as_dict(),
         }
 
     def boundary_data(self, boundary: Boundary) -> dict[str, Any]:
@@ -186,7 +190,9 @@ def operating_range(store: Store, case: str) -> OperatingRange:
     Raises what `stored_plane` raises.
     """
     stored = stored_plane(store, case)
-    return range_over(stored.plane, stored.parameter, stored.passive, stored.cautions)
+    found = range_over(stored.plane, stored.parameter, stored.passive, stored.cautions)
+    own = case_attributes(store, case).get("parameters") or {}
+    return replace(found, margin=margin_of(stored.plane, stored.parameter, own))
 
 
 def stored_plane(store: Store, case: str) -> StoredPlane:
@@ -204,7 +210,7 @@ def stored_plane(store: Store, case: str) -> StoredPlane:
     ]
     parameters, ranges = _plane(searched, read)
     speed_axis = parameters.index(SPEED)
-    curves = _curves(read, parameters)
+    curves = curves_of_plane(read, parameters)
     low, high = ranges[speed_axis]
     plane = SpeedPlane(
         curves,
@@ -226,16 +232,6 @@ def _plane(
             ranges = [(float(low), float(high)) for low, high in attributes["ranges"]]
             return list(attributes["parameters"]), ranges
     raise NoSetError("no bifurcation set over the rotating speed")
-
-
-def _curves(read: Sequence[Group], parameters: Sequence[str]) -> tuple[BifurcationCurve, ...]:
-    """The curves of the plane for cycles of the excitation period."""
-    curves = [
-        read_curve(local_name(group.name), group.labelled(), group.attributes)
-        for group in read
-        if list(group.attributes["parameters"]) == list(parameters)
-    ]
-    return tuple(curve for curve in curves if curve is not None and curve.turns == 1)
 
 
 def _samples(store: Store, groups: dict[str, str], abscissa: str) -> tuple[Array, NDArray[np.int64]]:
@@ -260,7 +256,10 @@ def set_cautions(searched: dict[str, Any] | Any) -> list[str]:
         [] if searched.get("complete") else [f"the search is not complete: {searched.get('covered', '')}"]
     )
     if "fold" not in searched.get("kinds", ("fold",)):
-        cautions.append("folds were not traced (bifurcation_set.kinds): stability may end earlier at a fold")
+        cautions.append(
+            "folds were not traced (bifurcation_set.kinds), except where Neimark-Sacker curves end: "
+            "stability may end earlier at a fold"
+        )
     if searched.get("boundaries", False):
         cautions.append(
             "only curves that bound stable cycles where a branch or a curve meets them were traced "

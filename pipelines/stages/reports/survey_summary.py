@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.datasets.reading import read_group
+from pipelines.case.units import Scale, in_both
+from pipelines.datasets.dimensional import scale_of_case
+from pipelines.datasets.reading import case_attributes, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, case_group
 from pipelines.stages.reports.operating_range import SPEED, OperatingRange
@@ -32,26 +34,27 @@ class SurveySummary:
     near: float
     compared: int
     agreeing: int
+    scale: Scale
 
     def as_dict(self) -> dict[str, Any]:
         """The summary as plain data."""
-        return asdict(self) | {"lowest": None if self.lowest is None else self.lowest._asdict()}
+        plain = asdict(self) | {"lowest": None if self.lowest is None else self.lowest._asdict()}
+        del plain["scale"]
+        return plain
 
     def sentence(self) -> str:
         """The summary in a line."""
-        along, across = (name.replace("_", " ") for name in self.parameters)
         parts = [f"survey: {self.unstable} of {self.cells} cells unstable"]
         if self.without:
             parts[0] += f", {self.without} without a usable cycle"
         if self.lowest is not None:
-            kind = self.lowest.bifurcation.replace("_", " ")
-            parts.append(
-                f"lowest onset at {across} {self.lowest.across:.4g}, {along} {self.lowest.along:.4g} ({kind})"
-            )
+            place = self.lowest.place(self.parameters, self.scale)
+            parts.append(f"lowest onset at {place} ({self.lowest.kind})")
         if self.compared:
+            near = in_both("speed", self.near, self.scale, ".2g")
             parts.append(
-                f"{self.agreeing} of {self.compared} onsets within {self.near:.2g} of the first bifurcation "
-                "of the curves"
+                f"{self.agreeing} of {self.compared} onsets within {near} of the first bifurcation of the "
+                "curves"
             )
         return "; ".join(parts)
 
@@ -76,6 +79,7 @@ def survey_summary(store: Store, case: str, ranges: OperatingRange | None) -> Su
         near=near,
         compared=len(apart),
         agreeing=int(np.sum(apart <= near)),
+        scale=scale_of_case(case_attributes(store, case)["scales"]),
     )
 
 

@@ -1,8 +1,8 @@
 """Estimate the duration of a case: a few pieces of its work, timed on its own machine and grid.
 
-What a piece takes is measured; how many of them a point takes is not known before: each ``PASSES_PER_...`` is
-what was counted on finished branches.  An estimate is good to a factor of two or three; that branches end
-before `max_points` makes it too long rather than too short.
+What a piece takes is measured; how many of them a point takes is not known before: each ``PASSES_PER_...``,
+here and in `pipelines.stages.pass_counts`, is what was counted on finished branches.  An estimate is good to
+a factor of two or three; that branches end before `max_points` makes it too long rather than too short.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pipelines.case.survey_settings import survey_axes
 from pipelines.case.torus_settings import FEWEST_ANGLES
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
+from pipelines.orbits.equilibria.bearing_coefficients import machine_coefficients
 from pipelines.orbits.equilibria.campbell import campbell_diagram
 from pipelines.orbits.equilibria.equilibrium import Equilibrium, machine_equilibrium
 from pipelines.orbits.equilibria.linear import at_speed, linear_point
@@ -27,15 +28,12 @@ from pipelines.orbits.shooting import CycleProblem, NewtonStop, Unknowns, first_
 from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.orbits.time_steps import MOST_STEPS, first_steps, required_steps_at, steps_stable_at
 from pipelines.stages.cycles.problem import INITIAL_COLUMNS, cycle_problem
-from pipelines.stages.linear.linearize import reference_parameters
+from pipelines.stages.linear.along_speed import reference_parameters
+from pipelines.stages.pass_counts import PASSES_PER_CELL, PASSES_PER_CYCLE, passes_per_curve_point
 from pipelines.stages.refinement.levels import case_on, grid_family
 
-PASSES_PER_CYCLE = 12  # corrections, tangents and multipliers, and locating what lies between two points
-PASSES_PER_CURVE_POINT = 100  # normal forms on two smoothed machines included
 PASSES_PER_LEVEL = 30  # of a refined bifurcation, on one of its grids
 PASSES_PER_ANGLE = 15  # of a torus, its corrections and its stability
-PASSES_PER_CELL = 1.5  # of a survey: half of them with the few time steps that it needs
-_NORMAL_FORMS = 3.0  # times as long as a point of a curve without
 _MEASURED_STEPS = 256  # of an explicit stepper at most
 _TRIALS = 3  # the first may load kernels, and others share the machine
 
@@ -53,9 +51,18 @@ class Durations:
         """One speed of `agfb linearize`."""
         return self._once(case, _equilibrium)
 
+    def of_coefficients(self, case: Case) -> float | None:
+        """One speed of `agfb coefficients`."""
+        once = self._once(case, _whirl_frequency)
+        return None if once is None else case.coefficients.frequencies * once
+
     def of_campbell_speed(self, case: Case) -> float | None:
         """One speed of `agfb criticals`, its part of the unbalance response included."""
         return self._once(case, _campbell_speed)
+
+    def of_pass(self, case: Case) -> float | None:
+        """A pass over the period with all tangents."""
+        return self._once(case, _pass)
 
     def of_cycle(self, case: Case) -> float | None:
         """One point of a branch of cycles."""
@@ -65,8 +72,7 @@ class Durations:
     def of_curve_point(self, case: Case) -> float | None:
         """One point of a curve of bifurcations."""
         once = self._once(case, _pass)
-        share = 1.0 if case.track_curves.normal_forms else 1.0 / _NORMAL_FORMS
-        return None if once is None else share * PASSES_PER_CURVE_POINT * once
+        return None if once is None else passes_per_curve_point(case) * once
 
     def of_survey_line(self, case: Case) -> float | None:
         """One line of a survey."""
@@ -95,7 +101,8 @@ class Durations:
 
 def _equilibrium(machine: Machine, case: Case) -> float | None:
     """Time of two speeds at the upper end of the range; the first one also loads the kernels."""
-    parameters, table = reference_parameters(case), case.linearize
+    table = case.linearize
+    parameters = reference_parameters(case, table.ring)
     high = table.speed_range[1]
     first = linear_point(machine, at_speed(parameters, high), table.eigenvalues)
     if isinstance(first, Equilibrium):
@@ -103,6 +110,20 @@ def _equilibrium(machine: Machine, case: Case) -> float | None:
     begin = time.perf_counter()
     linear_point(machine, at_speed(parameters, 0.97 * high), table.eigenvalues, first.equilibrium.state)
     return time.perf_counter() - begin
+
+
+def _whirl_frequency(machine: Machine, case: Case) -> float | None:
+    """Time of the coefficients at one whirl frequency; the first call may load kernels."""
+    parameters = reference_parameters(case, case.coefficients.ring)
+    equilibrium = machine_equilibrium(machine, parameters)
+    if not equilibrium.converged:
+        return None
+    spent = math.inf
+    for _ in range(_TRIALS):
+        begin = time.perf_counter()
+        machine_coefficients(machine, parameters, equilibrium.state, parameters[film.SPEED : film.SPEED + 1])
+        spent = min(spent, time.perf_counter() - begin)
+    return spent
 
 
 def _campbell_speed(machine: Machine, case: Case) -> float | None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from pipelines.case.models import Case
+from pipelines.case.models import CalibrationTarget, Case
 from pipelines.case.reading import NamedCase
 from pipelines.case.survey_settings import survey_axes
 from pipelines.datasets.branch import has_ended
@@ -22,21 +22,25 @@ from pipelines.datasets.records import COMPLETE
 from pipelines.datasets.store import Store, local_name, open_for_reading
 from pipelines.stages.calibration import calibrate
 from pipelines.stages.curves import bifurcation_set, track_curves
+from pipelines.stages.curves.outlook import outlook
 from pipelines.stages.cycles import continue_cycles
 from pipelines.stages.cycles.branch import NOT_ASKED, WANTING_POINTS
 from pipelines.stages.ending import stop_reasons
-from pipelines.stages.linear import criticals, missing_speeds, unbalance_response
+from pipelines.stages.linear import coefficients, criticals, missing_speeds, unbalance_response
 from pipelines.stages.refinement import refine
 from pipelines.stages.refinement.points import stored_points
 from pipelines.stages.scheduling.durations import Durations
 from pipelines.stages.survey import onsets, survey
 from pipelines.stages.tori import continue_tori
 from pipelines.stages.transients import transient
-from pipelines.stages.transients.run import request_of
+from pipelines.stages.transients.run import is_requested
 
 Attributes = Mapping[str, Any]
 
+SEARCH = "bifurcation_set"
 CYCLES_PER_ONSET = 2.5  # points of a branch, for the five cycles found alone that bracket an onset
+CYCLE_ALONE = 0.5  # points of a branch
+ONSETS_PER_TARGET = {"onset_slope": 2, "corner_frequency": 2}  # of as many cycles; other targets need one
 
 
 class StageStatus(Enum):
@@ -54,7 +58,8 @@ class Planned:
     """A stage of a case and what is left of it.
 
     ``there`` are ``points`` of at most ``most`` (None: not known before), the others take about
-    ``seconds`` at most (None: not known); ``note`` says what decides what is not known.
+    ``seconds`` at most (None: not known), and at least ``least_seconds`` where that is known; ``note`` says
+    what decides what is not known.
     """
 
     case_id: str
@@ -64,6 +69,7 @@ class Planned:
     most: int | None = None
     seconds: float | None = None
     note: str = ""
+    least_seconds: float | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The plan as plain data."""
@@ -82,7 +88,8 @@ def plan(stages: Sequence[str], cases: Sequence[NamedCase], store_path: Path | N
             if stage == "transient":
                 yield _run_in_time(named, store, store_path)
             else:
-                yield _with_time(_found(stage, named, store), named.case, durations)
+                found = _with_time(_found(stage, named, store), named.case, durations)
+                yield _searching(found, named, store, durations) if stage == SEARCH else found
 
 
 @dataclass(frozen=True)
@@ -109,6 +116,10 @@ class _Extent:
     duration: Callable[[Durations, Case], float | None]
     """Seconds of one point; None where there is no equilibrium to measure at."""
     free: frozenset[str] = frozenset()
+    request_of: Callable[[Case], Attributes] | None = None
+    """What a group was asked for, where that is more than its table."""
+    renewed: bool = False
+    """Whether a group with other settings is computed again."""
     out_of_points: str = WANTING_POINTS
     """The reason to stop that a larger value of the key ``limit`` lifts."""
     limit: str = "max_points"
@@ -185,7 +196,8 @@ def _search_state(here: _Here, curves: StageStatus) -> StageStatus:
         bool(search.get("boundaries", False)) > table.boundaries
         or not set(table.kinds) <= set(search.get("kinds", table.kinds))
     )
-    if more:
+    uncertified = table.certify and search is not None and "certificate" not in search
+    if more or uncertified:
         return StageStatus.PARTIAL
     if search is not None and (search["complete"] or search["rounds"] >= table.max_rounds):
         return StageStatus.PARTIAL if curves is StageStatus.PARTIAL else StageStatus.COMPLETE
@@ -194,11 +206,17 @@ def _search_state(here: _Here, curves: StageStatus) -> StageStatus:
 
 
 def _of_one_machine(durations: Durations, case: Case) -> float | None:
-    """A machine of a calibration: every onset speed that it needs; a slope needs two."""
+    """A machine of a calibration: the cycles of all its targets."""
     cycle = durations.of_cycle(case)
     targets = () if case.calibrate is None else case.calibrate.targets
-    onsets = sum(2 if target.quantity == "onset_slope" else 1 for target in targets)
-    return None if cycle is None else CYCLES_PER_ONSET * onsets * cycle
+    return None if cycle is None else cycle * sum(_cycles_of_target(target) for target in targets)
+
+
+def _cycles_of_target(target: CalibrationTarget) -> float:
+    """Points of a branch that take as long as one target."""
+    if target.quantity == "doubling_growth":
+        return len(target.speeds or ()) * CYCLE_ALONE
+    return ONSETS_PER_TARGET.get(target.quantity, 1) * CYCLES_PER_ONSET
 
 
 def _curves(groups: tuple[str, ...], decided_by: str) -> _Extent:
@@ -221,6 +239,16 @@ _EXTENTS: Mapping[str, _Extent] = MappingProxyType(
             table="linearize",
             duration=Durations.of_equilibrium,
             most=lambda case: case.linearize.points,
+            renewed=True,
+        ),
+        "coefficients": _Extent(
+            groups=(coefficients.GROUP,),
+            success=missing_speeds.SUCCESSFUL,
+            table="coefficients",
+            duration=Durations.of_coefficients,
+            most=lambda case: case.coefficients.points,
+            request_of=coefficients.request_of,
+            renewed=True,
         ),
         "criticals": _Extent(
             groups=("criticals",),
@@ -307,6 +335,8 @@ def _found(stage: str, named: NamedCase, store: Store | None) -> Planned:
     own = {name: attributes for name, attributes in groups.items() if name.startswith(extent.groups)}
     points = sum(int(attributes.get("n_points", 0)) for attributes in own.values())
     there = _state(own.values(), extent, case)
+    if there is StageStatus.DIFFERENT_SETTINGS and extent.renewed:
+        there, points = StageStatus.NOTHING, 0
     found = Planned(named.case_id, stage, there, points, extent.most(case), None, extent.decided_by)
     return extent.adjusted(found, _Here(case, named.case_id, store, groups, own))
 
@@ -321,6 +351,8 @@ def _groups(store: Store | None, case_id: str) -> dict[str, Attributes]:
 def _state(groups: Iterable[Attributes], extent: _Extent, case: Case) -> StageStatus:
     table = getattr(case, extent.table)
     asked = table.model_dump(mode="json", exclude=set(extent.free))
+    if extent.request_of is not None:
+        asked = extent.request_of(case)
     same = [(attributes, attributes.get("request", asked) == asked) for attributes in groups]
     # what was asked for otherwise and has no rows is made anew
     found = [attributes for attributes, is_same in same if is_same or attributes.get("n_points", 1)]
@@ -356,14 +388,25 @@ def _with_time(found: Planned, case: Case, durations: Durations) -> Planned:
     return replace(found, seconds=max(0, found.most - found.points) * each, note=extent.without(case))
 
 
+def _searching(found: Planned, named: NamedCase, store: Store | None, durations: Durations) -> Planned:
+    """A search that has not ended, with the range of its time."""
+    once = None if found.seconds == 0.0 else durations.of_pass(named.case)
+    if once is None:
+        return found
+    ahead = outlook(named.case, _groups(store, named.case_id))
+    fewest, most = ahead.lines
+    number = f"{most}" if fewest == most else f"{fewest} to {most}"
+    note = f"{number} lines; the number of curves is a guess until they are traced"
+    return replace(found, seconds=ahead.most * once, least_seconds=ahead.least * once, note=note)
+
+
 def _run_in_time(named: NamedCase, store: Store | None, store_path: Path | None) -> Planned:
     """A transient, whose duration its own stage measures."""
-    request = request_of(named.case)
     groups = _groups(store, named.case_id)
     own = [
         found
         for name, found in groups.items()
-        if name.startswith("transient/") and found["request"] == request
+        if name.startswith("transient/") and is_requested(named.case, found["request"])
     ]
     ahead = transient.outlook(named, store_path)
     begun = [int(found["n_points"]) for found in own]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from pipelines.datasets.branch import write_group
 from pipelines.datasets.provenance import provenance
 from pipelines.datasets.store import case_group, create_store, open_for_writing
 from pipelines.machine.assembly import parameter_vector
+from pipelines.machine.rotor_properties import rotor_properties
+from pipelines.machine.shaft import assemble_rotor
 from pipelines.stages.parameter_columns import parameter_attributes
 
 
@@ -82,7 +85,13 @@ def geometry(case: Case) -> tuple[dict[str, Any], dict[str, Any]]:
         "bearing_clearance": np.array([bearing.clearance for bearing in bearings]),
         "master_node": np.array(rotor.master_nodes, dtype=np.int32),
     }
-    return arrays | _rare_arrays(rotor), {"material_names": materials}
+    return arrays | _rare_arrays(rotor), {"material_names": materials, "rotor": _properties(case)}
+
+
+def _properties(case: Case) -> dict[str, Any]:
+    """Mass [kg], centre of gravity [m], moments of inertia [kg m2] and static loads of the bearings [N]."""
+    nodes = [bearing.node for bearing in case.bearings]
+    return asdict(rotor_properties(assemble_rotor(case.rotor), nodes))
 
 
 def _rare_arrays(rotor: Rotor) -> dict[str, Any]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 STAGES: Mapping[str, str] = MappingProxyType(
     {
         "linearize": "linear.linearize",
+        "coefficients": "linear.coefficients",
         "criticals": "linear.criticals",
         "unbalance_response": "linear.unbalance_response",
         "continue_cycles": "cycles.continue_cycles",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
@@ -61,6 +62,13 @@ def bifurcation_of(multiplier: complex) -> str:
     if abs(multiplier.imag) > REAL * abs(multiplier):
         return "neimark_sacker"
     return "fold" if multiplier.real > 0.0 else "period_doubling"
+
+
+def nearest_to_circle(multipliers: NDArray[np.complex128]) -> complex:
+    """The multiplier with the smallest |ln|mu||, with an imaginary part that is not negative."""
+    with np.errstate(divide="ignore"):
+        nearest = complex(multipliers[np.argmin(np.abs(np.log(np.abs(multipliers))))])
+    return complex(nearest.real, abs(nearest.imag))
 
 
 def film_status(machine: Machine, cycle: Cycle, minimum_film: float) -> tuple[str, float]:

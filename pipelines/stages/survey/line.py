@@ -19,10 +19,16 @@ from pipelines.orbits.equilibria.equilibrium import at_rest, equilibrium_along, 
 from pipelines.orbits.forced_cycle import ForcedCycle, ForcedCycleOptions, Method, forced_cycle
 from pipelines.orbits.harmonic_balance import RestingSystem
 from pipelines.orbits.shooting import CycleProblem, NewtonStop
-from pipelines.stages.survey.cells import bifurcation_of, film_status, forced_cycles, resting_system
+from pipelines.stages.survey.cells import (
+    bifurcation_of,
+    film_status,
+    forced_cycles,
+    nearest_to_circle,
+    resting_system,
+)
 
 _SPEC = KINDS["survey"]
-_NUMBERS = ("growth_rate", "multiplier", "minimum_film", "miss", "step_error")
+_NUMBERS = ("growth_rate", "multiplier", "nearest_multiplier", "minimum_film", "miss", "step_error")
 _FLAGS = ("status", "bifurcation", "method")
 
 
@@ -51,9 +57,13 @@ class SurveyProblem:
 
     def parameters(self, line: int, cell: int) -> Array:
         """The parameter vector of a cell."""
+        return self.parameters_at(float(self.abscissae[cell]), float(self.ordinates[line]))
+
+    def parameters_at(self, along: float, across: float) -> Array:
+        """The parameter vector at any place of the plane."""
         values = np.array(self.cycles.parameters)
-        values[PARAMETERS.index(self.along.parameter)] = self.abscissae[cell]
-        values[PARAMETERS.index(self.across.parameter)] = self.ordinates[line]
+        values[PARAMETERS.index(self.along.parameter)] = along
+        values[PARAMETERS.index(self.across.parameter)] = across
         return values
 
 
@@ -84,7 +94,17 @@ def compute_line(problem: SurveyProblem, line: int) -> dict[str, Any]:
                 found[cell] = forced_cycle(cycles, system, problem.options, beside)
             one = found[cell]
             beside = one if isinstance(one, ForcedCycle) else None
-    return _row(problem, line, [_cell(problem, one) for one in found])
+    return _row(problem, line, [entries(problem, one) for one in found])
+
+
+def cycle_at(problem: SurveyProblem, along: float, across: float) -> ForcedCycle | NewtonStop | None:
+    """The cycle at any place of the plane, found as those of the cells; None without equilibrium."""
+    parameters = problem.parameters_at(along, across)
+    equilibrium = machine_equilibrium(problem.machine, at_rest(parameters))
+    if not equilibrium.converged:
+        return None
+    resting = resting_system(problem.machine, equilibrium, at_rest(parameters))
+    return forced_cycle(replace(problem.cycles, parameters=parameters), resting, problem.options)
 
 
 def _resting_systems(problem: SurveyProblem, line: int) -> list[RestingSystem | None]:
@@ -106,8 +126,8 @@ def _resting_system(problem: SurveyProblem, line: int, cell: int) -> RestingSyst
     return resting_system(machine, equilibrium, still) if equilibrium.converged else None
 
 
-def _cell(problem: SurveyProblem, found: ForcedCycle | NewtonStop | None) -> dict[str, Any]:
-    """The entries of a cell by array; the flags as their meanings."""
+def entries(problem: SurveyProblem, found: ForcedCycle | NewtonStop | None) -> dict[str, Any]:
+    """What a survey tells of a cycle, by array; the flags as their meanings."""
     if not isinstance(found, ForcedCycle):
         return {"status": "no_equilibrium" if found is None else "no_cycle"}
     cycle, multipliers = found.cycle, found.cycle.spectrum.multipliers
@@ -117,6 +137,7 @@ def _cell(problem: SurveyProblem, found: ForcedCycle | NewtonStop | None) -> dic
         "status": status,
         "growth_rate": math.log(abs(leading)) / cycle.unknowns.period,
         "multiplier": leading if leading.imag >= 0.0 else leading.conjugate(),
+        "nearest_multiplier": nearest_to_circle(multipliers),
         "bifurcation": bifurcation_of(leading),
         "unstable_count": int(np.sum(np.abs(multipliers) > 1.0)),
         "minimum_film": thinnest,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.case.arrays import Array
+from pipelines.case.fields import MEASURES
+from pipelines.case.units import Scale, in_both
 from pipelines.datasets.records import Group
 
 GROUP = "survey"
@@ -20,6 +23,19 @@ class Onset(NamedTuple):
     along: float
     across: float
     bifurcation: str
+
+    @property
+    def kind(self) -> str:
+        """The bifurcation in words."""
+        return self.bifurcation.replace("_", " ")
+
+    def place(self, parameters: Sequence[str], scale: Scale) -> str:
+        """Its place in both units; ``parameters`` are those along and across the lines."""
+        along, across = (
+            f"{name.replace('_', ' ')} {in_both(MEASURES[name], value, scale, '.4g')}"
+            for name, value in zip(parameters, (self.along, self.across), strict=True)
+        )
+        return f"{across}, {along}"
 
 
 def known_growth(group: Group) -> Array:

@@ -79,8 +79,9 @@ class SurveyPlan(RowPlan):
 
     def row(self, job: Job, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
         """Compute one line."""
-        across, line = self.problem.across.parameter.replace("_", " "), int(arguments["line"])
-        return compute_line(self.problem, line), f"{across} {self.problem.ordinates[line]:.4g}"
+        line = int(arguments["line"])
+        place = self.job.place(self.problem.across.parameter, self.problem.ordinates[line])
+        return compute_line(self.problem, line), place
 
     def finish(self, branch: BranchWriter) -> None:
         """Store how many cells have no cycle, or one that cannot be."""
@@ -96,7 +97,7 @@ class SurveyPlan(RowPlan):
             discard_all(self.job)
         if not has_group(self.job, GROUP):
             return StageResult(self.job.case_id, True, STOPPED)
-        return _result(self.job.case_id, read_group(self.job.store, self.job.path(GROUP)))
+        return _result(self.job, read_group(self.job.store, self.job.path(GROUP)))
 
 
 def request_of(problem: SurveyProblem) -> dict[str, Any]:
@@ -114,8 +115,9 @@ def request_of(problem: SurveyProblem) -> dict[str, Any]:
     }
 
 
-def _result(case_id: str, group: Group) -> StageResult:
+def _result(job: Job, group: Group) -> StageResult:
     """Stable and unstable cells, cells without a cycle, and the lowest onset."""
+    case_id = job.case_id
     if group.attributes["status"] != ENDED:
         return StageResult(case_id, True, STOPPED)
     found = group.labels("status") == "found"
@@ -128,8 +130,7 @@ def _result(case_id: str, group: Group) -> StageResult:
             summary[name.replace("_", " ")] = number
     if rising := onsets(group):
         lowest = min(rising, key=lambda onset: onset.across)
-        along, across = (str(name).replace("_", " ") for name in group.attributes["parameters"])
-        kind = lowest.bifurcation.replace("_", " ")
-        summary["lowest onset"] = f"{kind} at {across} {lowest.across:.4g}, {along} {lowest.along:.4g}"
+        place = lowest.place(group.attributes["parameters"], job.case.scales.si_per_unit)
+        summary["lowest onset"] = f"{lowest.kind} at {place}"
     reason = group.attributes["stop_reason"]
     return StageResult(case_id, reason in SUCCESSFUL, reason, group.attributes["stop_advice"], summary)

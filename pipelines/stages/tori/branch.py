@@ -8,6 +8,7 @@ from typing import Any
 
 from pipelines.bifurcations.tori.circle_map import PeriodCircle
 from pipelines.bifurcations.tori.continuation import continue_torus
+from pipelines.bifurcations.tori.events import TorusEvent
 from pipelines.bifurcations.tori.problem import TorusProblem
 from pipelines.bifurcations.tori.torus import (
     TorusOptions,
@@ -107,14 +108,20 @@ def torus_options(job: Job, direction: int) -> TorusOptions:
     )
 
 
-def _progress_callback(job: Job, group: str) -> Callable[[TorusPoint, TorusState], None]:
+def _progress_callback(
+    job: Job, group: str
+) -> Callable[[TorusPoint, TorusState, tuple[TorusEvent, ...]], None]:
     """The report of every recorded torus."""
     table = job.case.continue_tori
 
-    def report_point(point: TorusPoint, state: TorusState) -> None:
-        message = f"{table.parameter} {state.parameter:.5g}, rotation {state.rotation / (2.0 * math.pi):.5f}"
+    def report_point(point: TorusPoint, state: TorusState, events: tuple[TorusEvent, ...]) -> None:
+        message = job.place(table.parameter, state.parameter)
+        message += f", rotation {state.rotation / (2.0 * math.pi):.5f}"
         known = "stable" if point.stable else "unstable"
         message += f", {point.torus.count} angles, {known if point.spectrum.decided else 'undecided'}"
+        for event in events:
+            named = event.kind.name.lower().replace("_", " ")
+            message += f"; {named} at {job.place(table.parameter, event.unknowns.parameter)}"
         job.report_progress(state.index + 1, table.max_points, f"{group}: {message}")
 
     return report_point

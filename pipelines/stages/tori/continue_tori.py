@@ -9,18 +9,20 @@ from typing import Any
 import numpy as np
 
 from pipelines.bifurcations.detection import EventKind
+from pipelines.bifurcations.tori.events import UNDECIDED
 from pipelines.bifurcations.tori.torus import TorusStop
 from pipelines.case.reading import NamedCase
 from pipelines.case.scales import PARAMETERS
+from pipelines.datasets.records import Group
 from pipelines.stages.cycles.continue_cycles import DIRECTIONS
 from pipelines.stages.cycles.rows import EVENT_NAMES, stored_event
 from pipelines.stages.ending import is_success
 from pipelines.stages.job import Job, Origin
 from pipelines.stages.results import Report, ShouldStop, StageResult
 from pipelines.stages.tori.branch import trace_tori
-from pipelines.stages.tori.rows import UNDECIDED
 from pipelines.stages.tori.sources import TorusSource, born_tori, unbalanced_tori
 
+EVENTS = ("event_kind", "event_stability", "event_after_point")
 LETTERS = {"neimark_sacker": "q", "unbalance": "u"}
 COMPLETE = frozenset(
     {TorusStop.RANGE, TorusStop.MAXIMUM_POINTS, TorusStop.LIMIT, TorusStop.COLLAPSED, TorusStop.ROUGH}
@@ -89,7 +91,8 @@ def _result(job: Job, groups: list[str]) -> StageResult:
             "continue_tori.range"
         )
         return StageResult(case_id, False, f"no tori to follow: {where}", advice)
-    branches = [job.read(group, (table.parameter, "unstable_count")) for group in groups]
+    needed = (table.parameter, "unstable_count", *EVENTS, f"event_{table.parameter}")
+    branches = [job.read(group, needed) for group in groups]
     summary: dict[str, Any] = {
         "branches": len(branches),
         "points": sum(branch.n_points for branch in branches),
@@ -98,7 +101,20 @@ def _result(job: Job, groups: list[str]) -> StageResult:
     summary["unstable points"] = int(np.sum(counts > 0))
     if undecided := int(np.sum(counts == UNDECIDED)):
         summary["undecided points"] = undecided
+    if losses := [loss for branch in branches for loss in losses_of_stability(branch, table.parameter)]:
+        summary["loss of stability"] = ", ".join(losses)
     reasons = [branch.attributes["stop_reason"] or "stopped on request" for branch in branches]
     advice = "; ".join(dict.fromkeys(filter(None, (b.attributes["stop_advice"] for b in branches))))
     ok = all(is_success(branch, COMPLETE) for branch in branches)
     return StageResult(case_id, ok, ", ".join(reasons) or "stopped on request", advice, summary)
+
+
+def losses_of_stability(branch: Group, parameter: str) -> list[str]:
+    """Where stable tori of a branch become unstable, and by which bifurcation."""
+    found = []
+    kinds, changes = branch.labels("event_kind"), branch.labels("event_stability")
+    before = branch["unstable_count"][branch["event_after_point"]]
+    for kind, change, count, value in zip(kinds, changes, before, branch[f"event_{parameter}"], strict=True):
+        if change == "lost" and count == 0:
+            found.append(f"{kind.replace('_', ' ')} at {parameter.replace('_', ' ')} {value:.6g}")
+    return found

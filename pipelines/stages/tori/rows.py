@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pipelines.bifurcations.tori.circle_map import PeriodCircle
+from pipelines.bifurcations.tori.events import TorusEvent
 from pipelines.bifurcations.tori.fourier import amplitudes, angles, resampled
 from pipelines.bifurcations.tori.problem import TorusUnknowns
 from pipelines.bifurcations.tori.torus import TorusPoint, TorusState
@@ -17,6 +18,7 @@ from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.records import Branch, Resume
+from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import Machine
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.machine_cycles import CycleShape, cycle_shape, unphysical
@@ -24,7 +26,6 @@ from pipelines.orbits.steppers import ImplicitStepper
 from pipelines.stages.job import coordinates
 from pipelines.stages.parameter_columns import parameter_columns
 
-UNDECIDED = -1  # number of unstable multipliers where growth rates do not tell it
 CURVE_ANGLES = 129  # of the stored curves of the masters, and at least as many for the extremes of a torus
 
 
@@ -150,7 +151,7 @@ class TorusRecorder:
         circle: PeriodCircle,
         branch: Branch,
         case: Case,
-        report_point: Callable[[TorusPoint, TorusState], None],
+        report_point: Callable[[TorusPoint, TorusState, tuple[TorusEvent, ...]], None],
     ) -> None:
         self._machine, self._circle, self._branch = machine, circle, branch
         self._case, self._report_point = case, report_point
@@ -161,12 +162,13 @@ class TorusRecorder:
         self._shape = torus_shape(self._machine, self._circle, point.torus.unknowns)
         return unphysical(self._shape.orbits, self._case.continue_cycles.minimum_film)
 
-    def record(self, point: TorusPoint, state: TorusState) -> None:
-        """Commit the torus that ``limit`` has just accepted."""
+    def record(self, point: TorusPoint, state: TorusState, events: tuple[TorusEvent, ...]) -> None:
+        """Commit the torus that ``limit`` has just accepted, with the bifurcations that lead to it."""
         assert self._shape is not None
         row = point_row(self._case, self._circle, point, state, self._shape)
-        self._branch.commit(row, _slots(state))
-        self._report_point(point, state)
+        found = [event_row(self._case, self._circle, event, state) for event in events]
+        self._branch.commit(row, _slots(state), found)
+        self._report_point(point, state, events)
 
 
 def point_row(
@@ -189,7 +191,7 @@ def point_row(
         "arclength": state.arclength,
         "direction": np.int8(state.tangent_parameter > 0.0),
         "moduli": point.spectrum.moduli,
-        "unstable_count": point.spectrum.unstable if point.spectrum.decided else UNDECIDED,
+        "unstable_count": state.unstable,
         "spectrum": np.int8(point.spectrum.complete),
         "section_curve": shape.section,
         "orbit_minimum": shape.orbits.minimum,
@@ -199,6 +201,25 @@ def point_row(
         "newton_iterations": point.iterations,
         "steps_per_period": circle.steps,
         "step_error": shape.step_error,
+    }
+
+
+def event_row(case: Case, circle: PeriodCircle, event: TorusEvent, state: TorusState) -> dict[str, Any]:
+    """A bifurcation between the point before ``state`` and its own."""
+    spec, at = KINDS["tori"], event.unknowns
+    return {
+        "event_kind": np.int8(spec.array("event_kind").flag(event.kind.name.lower())),
+        "event_after_point": state.index - 1,
+        "event_arclength": event.arclength,
+        **parameter_columns(case, circle.parameters_at(at.parameter)[: len(PARAMETERS)], "event_"),
+        "event_rotation": at.rotation,
+        "event_section": at.states,
+        "event_angle_count": len(at.states),
+        "event_moduli": event.moduli,
+        "event_stability": np.int8(
+            spec.array("event_stability").flag("lost" if event.destabilises else "gained")
+        ),
+        "event_residual": event.residual,
     }
 
 
@@ -231,5 +252,7 @@ def resumed_state(newest: Resume, parameter: str) -> TorusState:
             "arclength": row["arclength"],
             "bases": slots["basis"][:count, :, :columns],
             "leading": slots["basis_leading"],
+            "moduli": row["moduli"][np.isfinite(row["moduli"])],
+            "unstable": row["unstable_count"],
         }
     )

@@ -33,7 +33,7 @@ from pipelines.stages.parameter_columns import parameter_attributes
 from pipelines.stages.tori.rows import torus_shape
 
 BORN_AMPLITUDES = (1.0, 0.25, 4.0)  # of the first torus at a Neimark-Sacker point, in units of `amplitude`
-_RAMP = TorusOptions(range=(0.0, 1.0), step=0.5, minimum_step=1e-2, maximum_step=0.5)
+_RAMP = TorusOptions(range=(0.0, 1.0), step=0.5, minimum_step=1e-2, maximum_step=0.5, events=False)
 
 
 @dataclass(frozen=True)

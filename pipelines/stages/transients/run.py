@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from pipelines.case.arrays import Array
+from pipelines.case.fields import SI
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
-from pipelines.case.scales import Scales
+from pipelines.case.units import dimensionless
 from pipelines.datasets.layout import LARGEST_ROWS
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.store import Store, case_group
@@ -64,7 +65,7 @@ def prepare_run(named: NamedCase, store: Store | None) -> Run:
     """
     case, machine = named.case, build_machine(named.case)
     request = request_of(case)
-    group, stored, started = _place(named, store, request)
+    group, stored, started = _place(named, store)
     masses = unbalance_masses(case)
     driven = driven_machine(machine, masses)
     start = None
@@ -76,7 +77,7 @@ def prepare_run(named: NamedCase, store: Store | None) -> Run:
     else:
         attributes = {name: stored[name] for name in _ATTRIBUTES}
     parameters = with_stand_ins(attributes["parameters"])
-    drive = drive_of(case, machine.scales, parameters, attributes["angle"], attributes["ring_phase"])
+    drive = drive_of(case, parameters, attributes["angle"], attributes["ring_phase"])
     plan = _plan(case, drive, attributes)
     return Run(group, attributes, machine, driven, parameters, drive, plan, _limits(case), masses, start)
 
@@ -87,16 +88,23 @@ def request_of(case: Case) -> dict[str, Any]:
     return {"transient": case.transient.model_dump(mode="json"), "unbalance": unbalance}
 
 
-def _place(
-    named: NamedCase, store: Store | None, request: Mapping[str, Any]
-) -> tuple[str, Mapping[str, Any] | None, bool]:
-    """The group with this request and its attributes, or the first free one, and whether it has begun."""
+def is_requested(case: Case, request: Mapping[str, Any]) -> bool:
+    """Whether a stored request is that of a case; earlier versions stored times in s and speeds in rpm."""
+    if request.get("transient", {}).get("units") != SI:
+        return bool(request == request_of(case))
+    machine = case.model_dump(mode="json", include={"gas", "bearings"})
+    found = dimensionless(Case, {**machine, "transient": request["transient"]}).document["transient"]
+    return {**request, "transient": {**found, "units": "dimensionless"}} == request_of(case)
+
+
+def _place(named: NamedCase, store: Store | None) -> tuple[str, Mapping[str, Any] | None, bool]:
+    """The group of the case's request and its attributes, or the first free one; whether it has begun."""
     for number in range(MOST_RUNS):
         group = case_group(named.case_id, f"transient/t{number:03d}")
         if store is None or not store.has_group(group):
             return group, None, False
         found = read_group(store, group, ())
-        if found.attributes["request"] == request:
+        if is_requested(named.case, found.attributes["request"]):
             return group, found.attributes, found.n_events > 0
     raise CannotRunError(
         f"the store holds {MOST_RUNS} transient runs of the case {named.case_id}",
@@ -124,18 +132,12 @@ def _limits(case: Case) -> Array:
     return limits
 
 
-def _speed_table(case: Case, scales: Scales, own: float | None) -> tuple[list[float], list[float]]:
-    """Times and speeds, dimensionless; ``own`` is the speed if there is no table."""
+def _speed_table(case: Case, own: float | None) -> tuple[list[float], list[float]]:
+    """Times and speeds; ``own`` is the speed if there is no table."""
     table = case.transient
     if not table.times:
         return [0.0], [] if own is None else [own]
-    if table.units == "dimensionless":
-        return list(table.times), list(table.speeds)
-    return [t / scales.time for t in table.times], [scales.speed_from_rpm(speed) for speed in table.speeds]
-
-
-def _time(case: Case, scales: Scales, value: float) -> float:
-    return value / scales.time if case.transient.units == "si" else value
+    return list(table.times), list(table.speeds)
 
 
 def _displacements(case: Case, own: float) -> tuple[float, float]:
@@ -144,21 +146,20 @@ def _displacements(case: Case, own: float) -> tuple[float, float]:
     return (own if mode in ("on", "switch_off") else 0.0), (own if mode in ("on", "switch_on") else 0.0)
 
 
-def drive_of(case: Case, scales: Scales, parameters: Array, angle: float, ring_phase: float) -> Drive:
+def drive_of(case: Case, parameters: Array, angle: float, ring_phase: float) -> Drive:
     """The drive of a case's run, at the speed of the start state's parameters."""
     table, frequency = case.transient, float(parameters[film.EXCITATION_FREQUENCY])
     before, after = _displacements(case, float(parameters[film.DISPLACEMENT]))
-    ramp = 2.0 * math.pi / frequency if table.switch_ramp is None else _time(case, scales, table.switch_ramp)
-    switching = Switching(before, after, _time(case, scales, table.switch_time or 0.0), ramp)
-    times, speeds = _speed_table(case, scales, float(parameters[film.SPEED]))
-    duration = _time(case, scales, table.duration)
-    return make_drive(times, speeds, duration, switching, frequency, angle, ring_phase)
+    ramp = 2.0 * math.pi / frequency if table.switch_ramp is None else table.switch_ramp
+    switching = Switching(before, after, table.switch_time or 0.0, ramp)
+    times, speeds = _speed_table(case, float(parameters[film.SPEED]))
+    return make_drive(times, speeds, table.duration, switching, frequency, angle, ring_phase)
 
 
 def _start(named: NamedCase, machine: Machine, store: Store | None) -> StartState:
     """The start state, whose rings must be in the position where the run begins."""
     case = named.case
-    _, speeds = _speed_table(case, machine.scales, None)
+    _, speeds = _speed_table(case, None)
     own = float(parameter_vector(case)[film.DISPLACEMENT])
     speed = speeds[0] if speeds else None
     start = start_state(named, machine, store, speed, _displacements(case, own)[0])
@@ -171,12 +172,13 @@ def _start(named: NamedCase, machine: Machine, store: Store | None) -> StartStat
         )
     own_speed = float(start.parameters[film.SPEED])
     if speed is not None and abs(speed - own_speed) > _SAME_SPEED * own_speed:
-        rpm = machine.scales.speed_rpm_per_unit
-        unit, name = (1.0, "") if case.transient.units == "dimensionless" else (rpm, " rpm")
+        rpm = machine.scales.speed_rpm
         raise CannotRunError(
-            f"transient.speeds: the run begins with the speed {speed * unit:.7g}{name}, but the rotor of its "
-            f"start state {case.transient.start} turns with {own_speed * unit:.7g}{name}: it would jump",
-            f"begin the table with {own_speed * unit:.10g}, or leave out times and speeds to stay at it",
+            f"transient.speeds: the run begins with the speed {speed:.7g} ({rpm(speed):.7g} rpm), but the "
+            f"rotor of its start state {case.transient.start} turns with {own_speed:.7g} "
+            f"({rpm(own_speed):.7g} rpm): it would jump",
+            f"begin the table with {own_speed:.10g} ({rpm(own_speed):.10g} rpm), or leave out times and "
+            "speeds to stay at it",
         )
     return start
 
@@ -196,7 +198,7 @@ def _new_attributes(
     case: Case, machine: Machine, driven: DrivenSystem, start: StartState, request: Mapping[str, Any]
 ) -> dict[str, Any]:
     table, parameters = case.transient, start.parameters
-    drive = drive_of(case, machine.scales, parameters, start.angle, start.ring_phase)
+    drive = drive_of(case, parameters, start.angle, start.ring_phase)
     period = reference_period(drive, parameters)
     trial, state = _trial(case, machine, drive, parameters, start, period)
     turns = max(1, math.ceil(period * drive.largest_speed() / (2.0 * math.pi)))

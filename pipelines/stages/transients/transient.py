@@ -11,6 +11,7 @@ import numpy as np
 
 from pipelines.case.arrays import Array
 from pipelines.case.reading import NamedCase
+from pipelines.case.units import in_both
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
@@ -19,7 +20,7 @@ from pipelines.machine.extremes import FILM, HIGH_FOIL, HIGH_PRESSURE, LOW_FOIL,
 from pipelines.machine.rates import BEARINGS
 from pipelines.orbits.time_runs.transient import Block, Position, Status, advance, starting_position
 from pipelines.stages.job import coordinates
-from pipelines.stages.results import Progress, Report, ShouldStop, StageResult
+from pipelines.stages.results import Progress, Report, ShouldStop, StageResult, in_both_units
 from pipelines.stages.transients.analysis import write_transient_analysis
 from pipelines.stages.transients.run import Outlook, Run, outlook_of, prepare_run
 from pipelines.stages.transients.start import CannotRunError
@@ -123,7 +124,7 @@ def _static(run: Run, named: NamedCase) -> dict[str, Any]:
 
 def _follow(run: Run, branch: BranchWriter, case_id: str, report: Report, should_stop: ShouldStop) -> None:
     """Compute block after block from the last checkpoint, and commit each one."""
-    position = _position(run, branch)
+    position, scale = _position(run, branch), run.machine.scales.si_per_unit
     while position.step < run.plan.steps:
         if should_stop():
             return
@@ -136,7 +137,8 @@ def _follow(run: Run, branch: BranchWriter, case_id: str, report: Report, should
             branch.finish(*_stop(run, block))
             return
         now = run.plan.time(position.step)
-        message = f"time {now:.6g}, speed {float(run.drive.speed(np.array(now))):.5g}"
+        speed = float(run.drive.speed(np.array(now)))
+        message = f"time {in_both('time', now, scale)}, speed {in_both('speed', speed, scale, '.5g')}"
         report(Progress("transient", case_id, position.samples, run.plan.samples, message))
     branch.finish(RunStop.FINISHED.word)
 
@@ -203,7 +205,7 @@ def _stop(run: Run, block: Block) -> tuple[str, str]:
     quantity, bearing = divmod(block.limit, BEARINGS)
     stop = RunStop.TOUCH if quantity == FILM else RunStop.VACUUM
     value, limit = block.end.running[block.limit], run.limits[block.limit]
-    return stop.word, stop.advice.format(bearing=bearing, value=value, time=now, limit=limit)
+    return stop.word, stop.advice.format(bearing=bearing + 1, value=value, time=now, limit=limit)
 
 
 def _result(named: NamedCase, store: Store, group: str) -> StageResult:
@@ -213,10 +215,11 @@ def _result(named: NamedCase, store: Store, group: str) -> StageResult:
     ok = attributes["status"] != ENDED or reason in SUCCESSFUL
     summary: dict[str, Any] = {"group": local_name(group), "samples": found.n_points}
     if found.n_points:
-        summary |= {
-            "time": float(found["time"][-1]),
-            "speed": float(found["speed"][-1]),
-            "thinnest film": float(np.min(found["minimum_film"])),
-        }
+        scale = named.case.scales.si_per_unit
+        summary |= in_both_units("time", "time", float(found["time"][-1]), scale)
+        summary |= in_both_units("speed", "speed", float(found["speed"][-1]), scale)
+        summary["thinnest film"] = float(np.min(found["minimum_film"]))
     summary["steps per period"] = attributes["steps_per_period"]
-    return StageResult(named.case_id, ok, reason, attributes["stop_advice"], summary)
+    advice = attributes["stop_advice"]
+    caution = f"the run ended early: {advice}" if ok and advice else ""
+    return StageResult(named.case_id, ok, reason, advice, summary, caution=caution)

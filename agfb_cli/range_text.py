@@ -1,0 +1,188 @@
+"""The conclusions of `agfb report` in words: operating range and margin, for the terminal and the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from agfb_cli.console import words
+
+if TYPE_CHECKING:
+    from pipelines.stages.reports.margin import BoundaryPoint, Margin
+    from pipelines.stages.reports.operating_range import Best, OperatingRange, Stretch
+
+Scales = Mapping[str, float]
+Rows = tuple[list[str], list[tuple[str | None, ...]]]
+"""Header and rows of a table; None where there is nothing to tell."""
+
+UNCHANGED = 1e-9  # a change below it is rounding
+BIFURCATIONS = {"fold": "fold", "period_doubling": "period doubling", "neimark_sacker": "Neimark-Sacker"}
+
+
+def heading(case: str, ranges: OperatingRange, scales: Scales) -> str:
+    """Heading of the table."""
+    lowest = f"{_speed(ranges.speeds[0], scales)}"
+    return f"{case}: bifurcation-free from speed {lowest} up to the first bifurcation"
+
+
+def boundary_rows(ranges: OperatingRange, scales: Scales) -> Rows:
+    """One row for every part of the boundary."""
+    hertz = scales["hertz_per_unit"] if ranges.parameter == "excitation_frequency" else None
+    header = [words(ranges.parameter), "Hz", "up to speed", "rpm", "first bifurcation", "curve", ""]
+    rows: list[tuple[str | None, ...]] = []
+    for part in ranges.stretches():
+        ends = part.first.abscissa, part.last.abscissa
+        rows.append(
+            (
+                _interval(*ends, ".4f"),
+                None if hertz is None else _interval(hertz * ends[0], hertz * ends[1], ".1f"),
+                *_reached(part, scales),
+                _bifurcation(part),
+                None if part.first.curve < 0 else ranges.curves[part.first.curve],
+                "incomplete curve near" if part.caution else "",
+            )
+        )
+    return header, rows
+
+
+def _reached(part: Stretch, scales: Scales) -> tuple[str | None, str | None]:
+    """Speeds reached in a part, dimensionless and in rpm."""
+    if part.first.base == "unstable":
+        return None, None
+    rpm = scales["speed_rpm_per_unit"]
+    least = "at least " if part.first.is_open else ""
+    return (
+        least + _interval(part.lowest, part.highest, ".4f"),
+        least + _interval(rpm * part.lowest, rpm * part.highest, ".0f"),
+    )
+
+
+def _bifurcation(part: Stretch) -> str:
+    if part.first.base == "unstable":
+        return "unstable from the lowest speed"
+    if part.first.is_open:
+        return "none in the plane"
+    if part.first.bifurcation == "fold":  # which is neither supercritical nor subcritical
+        return "fold"
+    kinds = [kind for kind in part.criticalities if kind != "unset"]
+    known = " and ".join(kinds) + (
+        ", partly unknown" if kinds and len(kinds) < len(part.criticalities) else ""
+    )
+    return BIFURCATIONS[part.first.bifurcation] + f", {known or 'type unknown'}"
+
+
+def conclusions(ranges: OperatingRange, scales: Scales) -> list[str]:
+    """The best excitation frequency and its gains, a sentence each."""
+    if ranges.best is None:
+        return ["no excitation frequency of the plane leaves a stable cycle at the lowest speed"]
+    lines = [_best_sentence(ranges, ranges.best, scales)]
+    least = "at least " if ranges.best.boundary.is_open else ""
+    if ranges.passive_gain is not None and ranges.passive is not None:
+        passive = _speed(ranges.passive, scales)
+        lines.append(f"against displacement 0 (unstable from {passive}): {least}{ranges.passive_gain:+.1%}")
+    reference = ranges.reference
+    if reference is not None:
+        where = f"against {words(ranges.parameter)} {reference.abscissa:.4g}"
+        if ranges.reference_gain is not None:
+            speed = _speed(reference.speed, scales)
+            lines.append(f"{where} (up to {speed}): {least}{ranges.reference_gain:+.1%}")
+        else:
+            why = "no bifurcation in the plane" if reference.is_open else "unstable from the lowest speed"
+            lines.append(f"{where}: gain not defined, {why}")
+    return lines
+
+
+def _best_sentence(ranges: OperatingRange, best: Best, scales: Scales) -> str:
+    found = best.boundary
+    frequency = _abscissa(ranges, found.abscissa, scales)
+    from_to = f"{_speed(ranges.speeds[0], scales)} to {_speed(found.speed, scales)}"
+    interval = " to ".join(_abscissa(ranges, value, scales) for value in best.interval)
+    if found.is_open:
+        return f"best: {words(ranges.parameter)} {frequency}, nothing bounds {from_to}, nor from {interval}"
+    sentence = f"best: {words(ranges.parameter)} {frequency}, free from {from_to}"
+    if ranges.passive is not None and best.interval[0] < best.interval[1] and found.speed > ranges.passive:
+        sentence += f"; better than displacement 0 from {interval}"
+    return sentence
+
+
+def operating_point(ranges: OperatingRange, scales: Scales) -> str:
+    """Where the machine runs, and whether its cycle is stable there, a sentence."""
+    margin = ranges.margin
+    if margin is None:
+        return "operating point: not in the plane of the curves, so it has no margin"
+    base = "stability not known from stored cycles" if margin.base == "unset" else margin.base
+    place = f"speed {_speed(margin.speed, scales)}"
+    abscissa = f"{words(margin.parameter)} {_abscissa(ranges, margin.abscissa, scales)}"
+    return f"operating point: {place}, {abscissa}: {base}"
+
+
+def margin_rows(margin: Margin, scales: Scales) -> Rows:
+    """Changes from the operating point to the boundaries of stable cycles, a row for every direction."""
+    name = words(margin.parameter)
+    header = ["margin towards", "speed", name, "relative", "boundary", "curve"]
+    rows = {
+        "higher speed": margin.higher_speed,
+        "lower speed": margin.lower_speed,
+        f"higher {name}": margin.higher_abscissa,
+        f"lower {name}": margin.lower_abscissa,
+        "nearest": margin.nearest,
+    }
+    return header, [(title, *_seen(margin, point, scales)) for title, point in rows.items()]
+
+
+def _seen(margin: Margin, point: BoundaryPoint | None, scales: Scales) -> tuple[str | None, ...]:
+    """A boundary seen from the operating point: changes, relative distance, kind, curve."""
+    if point is None:
+        return None, None, None, "none in the plane", None
+    speed = _change("speed", point.speed - margin.speed, scales)
+    abscissa = _change(margin.parameter, point.abscissa - margin.abscissa, scales)
+    kind = _kind(point.bifurcation, point.criticality)
+    share = margin.relative(point)
+    return speed, abscissa, None if share is None else f"{share:.1%}", kind, point.curve
+
+
+def _change(parameter: str, value: float, scales: Scales) -> str | None:
+    """A change of a parameter, in rpm or Hz too; None where there is no change."""
+    if abs(value) < UNCHANGED:
+        return None
+    if parameter == "speed":
+        return f"{value:+.4f} ({scales['speed_rpm_per_unit'] * value:+.0f} rpm)"
+    if parameter == "excitation_frequency":
+        return f"{value:+.4f} ({scales['hertz_per_unit'] * value:+.1f} Hz)"
+    return f"{value:+.4f}"
+
+
+def with_units(data: Mapping[str, Any], scales: Scales) -> dict[str, Any]:
+    """The same data with every speed in rpm and every excitation frequency in Hz beside it."""
+    found: dict[str, Any] = {}
+    units = {"speed": ("rpm", "speed_rpm_per_unit"), "excitation_frequency": ("hz", "hertz_per_unit")}
+    for name, value in data.items():
+        found[name] = with_units(value, scales) if isinstance(value, Mapping) else value
+        unit = units.get(name.removesuffix("_distance"))
+        if unit is not None and not isinstance(value, Mapping):
+            found[f"{name}_{unit[0]}"] = None if value is None else value * scales[unit[1]]
+    return found
+
+
+def _kind(bifurcation: str, criticality: str) -> str:
+    """A bifurcation with its type, which a fold has not."""
+    if bifurcation == "fold":
+        return "fold"
+    return f"{BIFURCATIONS[bifurcation]}, {'type unknown' if criticality == 'unset' else criticality}"
+
+
+def _abscissa(ranges: OperatingRange, value: float, scales: Scales) -> str:
+    if ranges.parameter != "excitation_frequency":
+        return f"{value:.4g}"
+    return f"{value:.4f} ({scales['hertz_per_unit'] * value:.1f} Hz)"
+
+
+def _speed(value: float, scales: Scales) -> str:
+    return f"{value:.4f} ({scales['speed_rpm_per_unit'] * value:.0f} rpm)"
+
+
+def _interval(low: float, high: float, form: str) -> str:
+    """Two numbers with a dash, or one if they look alike."""
+    first, last = format(low, form), format(high, form)
+    return first if first == last or math.isclose(low, high) else f"{first} - {last}"
