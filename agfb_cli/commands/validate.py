@@ -17,6 +17,7 @@ from agfb_cli.options import AsJson, Assignments, CasePattern, Quiet, Traceback
 
 if TYPE_CHECKING:
     from pipelines.case.reading import NamedCase, Problem
+    from pipelines.stages.reports.machine_summary import MachineSummary
 
 HEADER = (
     *("file", "case", "speed 1 is", "frequency 1 is"),
@@ -39,8 +40,9 @@ def validate(
 
     Nothing is computed or written. Reports every problem of every file, with file, line and key, and what
     `agfb run` would refuse if a table is left out. Tells for every case what the dimensionless speed and
-    frequency 1 are, and the operating point in both units. With --json prints the resolved configuration of
-    every case, defaults included, or the error of a file with problems.
+    frequency 1 are, and the operating point in both units; for the first case of each file also mass, bearing
+    loads, bearing numbers, foils and strokes, in which typing errors of a drawing show. With --json prints
+    the resolved configuration of every case, defaults included, or the error of a file with problems.
     """
     console = Console(quiet=quiet, json=json, traceback=traceback)
     with explained(console):
@@ -64,13 +66,17 @@ def validate(
                 [
                     {"file": str(path), "case": named.case_id, "configuration": named.resolved}
                     | {"refused": [str(problem) for problem in refused(named)]}
-                    | {"si_per_unit": named.case.scales.si_per_unit}
+                    | {"si_per_unit": named.case.scales.si_per_unit, "machine": machine_of(named).as_dict()}
                     for path, named in found
                 ]
                 + failed
             )
         elif found:
             console.data(table(HEADER, [(path, named.case_id, *in_units(named)) for path, named in found]))
+            for path in dict.fromkeys(path for path, _ in found):
+                first = next(named for other, named in found if other == path)
+                console.data(f"\n{path}, {first.case_id}:")
+                console.data(table(("machine", ""), machine_of(first).rows()))
             for sentence in dict.fromkeys(each for _, named in found for each in outside(named)):
                 console.message(f"caution: {sentence}")
         raise typer.Exit(worst)
@@ -89,6 +95,13 @@ def in_units(named: NamedCase) -> tuple[str | None, ...]:
         in_si("frequency", 1.0, scale),
         *(None if value != value else in_both(MEASURES[name], value, scale) for name, value in point),
     )
+
+
+def machine_of(named: NamedCase) -> MachineSummary:
+    """Masses, loads and stiffnesses of a case's machine."""
+    from pipelines.stages.reports.machine_summary import machine_summary
+
+    return machine_summary(named.case)
 
 
 def outside(named: NamedCase) -> Iterable[str]:

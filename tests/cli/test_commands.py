@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import shlex
 import signal
@@ -320,6 +321,23 @@ def test_validate_prints_the_resolved_configuration(program: Program, smoke: Pat
     (resolved,) = json.loads(program("validate", "smoke.toml", "--json").stdout)
     assert resolved["case"] == "smoke"
     assert resolved["configuration"]["numerics"]["newton_iterations"] == 12
+
+
+def test_validate_tells_what_the_drawing_makes_of_the_machine(program: Program, smoke: Path) -> None:
+    """Two discs of 79 g on 360 mm x 17.6 mm of steel, symmetric; k_b = 10 at a clearance of 20.4 um."""
+    (content,) = json.loads(program("validate", "smoke.toml", "--json").stdout)
+    machine, mass = content["machine"], 2 * 0.079 + 7850.0 * math.pi / 4 * 0.0176**2 * 0.36
+    assert machine["mass"] == pytest.approx(mass, rel=1e-9)
+    assert machine["centre_of_gravity"] == pytest.approx(0.18, rel=1e-9)
+    gravity = content["configuration"]["rotor"]["gravity"]
+    for bearing in machine["bearings"]:
+        assert bearing["load"] == pytest.approx(0.5 * mass * gravity, rel=1e-6)
+        assert bearing["bearing_number"] == pytest.approx(1.1, rel=1e-12)
+        assert bearing["foil_stiffness"] == 10.0
+        assert bearing["areal_stiffness"] == pytest.approx(10.0 * 101325.0 / 20.4e-6, rel=1e-12)
+        assert bearing["stroke"] == pytest.approx(0.2 * 20.4, rel=1e-12)
+    shown = program("validate", "smoke.toml").stdout
+    assert f"{mass:.4g} kg" in shown
 
 
 @pytest.mark.parametrize(

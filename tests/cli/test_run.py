@@ -31,7 +31,7 @@ OVERRIDES = (
     "bifurcation_set.resonances=false",
 )
 FIRST, SECOND = "displacement=0.1", "displacement=0.2"
-GROUPS = ["bifurcation_set", "criticals", "cycles/b000", "cycles/s000", "linear"]
+GROUPS = ["bifurcation_set", "criticals", "cycles/b000", "cycles/s000", "linear", "operating_point"]
 RUN = ["run", str(CONFIG), "-o", "run.zarr", *(word for each in OVERRIDES for word in ("--set", each))]
 
 

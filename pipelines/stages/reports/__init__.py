@@ -1,5 +1,6 @@
 """Conclusions from stored results.
 
+- machine_summary: what `agfb validate` tells of a machine
 - first_boundary: the first bifurcation above the lowest speed
 - margin: distances of the operating point from the boundaries of stable cycles
 - operating_range: `agfb report`
