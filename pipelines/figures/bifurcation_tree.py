@@ -54,7 +54,7 @@ def draw_bifurcation_tree(
         case.add_micrometres(panel, "", 0)
     add_parameter_axis(panels[0], parameter, case.scales, bottom=False)
     add_parameter_axis(panels[-1], parameter, case.scales, top=False)
-    style.legend_below(figure, _legend(branches), 5)
+    style.legend_below(figure, _legend(branches), 4)
     title = f"{case.name}: bifurcation tree along the {PARAMETER_AXES[parameter].title}"
     return style.finish(figure, title, case.note)
 

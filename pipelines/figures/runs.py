@@ -98,7 +98,7 @@ class RunView:
     def title(self) -> str:
         """Name, unbalance and speeds, and why the run ended early."""
         reason = self.run.attributes.get("stop_reason")
-        early = f", ended early: {reason}" if reason in ENDED_EARLY else ""
+        early = f"\nended early: {reason}" if reason in ENDED_EARLY else ""
         return f"run {self.name}, {self.unbalance}, {self.speed_text}{early}"
 
     @property
