@@ -44,7 +44,8 @@ smoke: $(INSTALLED) ## run the main job on configs/tongue.toml: build/smoke.zarr
 	$(BIN)/agfb run configs/tongue.toml -o build/smoke.zarr
 
 # The paper's figures. Each number has a store, made by the stages of its configuration; each letter shows some cases.
-# On a finer grid, beside: make fig3 PAPER=build/fine OPTIONS='--set numerics.circumferential=40 --set numerics.axial=3'
+# On another grid, beside:
+#   make fig3 PAPER=build/coarse OPTIONS='--set numerics.circumferential=24 --set numerics.axial=4'
 PAPER ?= build/paper
 OPTIONS ?=
 NUMBERED := fig3 fig4 fig5 fig6

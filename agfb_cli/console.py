@@ -128,12 +128,9 @@ def name_values(values: Mapping[str, object]) -> str:
 
 
 def _rounded(value: object) -> str:
-    """A number in SI units: five digits are enough for a reader."""
-    return (
-        (f"{value:.0f}" if 1e3 <= abs(value) < 1e7 else f"{value:.4g}")
-        if isinstance(value, float)
-        else str(value)
-    )
+    from pipelines.case.units import rounded
+
+    return rounded(value) if isinstance(value, float) else str(value)
 
 
 def _cell(value: object) -> str:

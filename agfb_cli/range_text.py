@@ -28,15 +28,15 @@ def heading(case: str, ranges: OperatingRange, scales: Scales) -> str:
 
 def boundary_rows(ranges: OperatingRange, scales: Scales) -> Rows:
     """One row for every part of the boundary."""
-    hertz = scales["hertz_per_unit"] if ranges.parameter == "excitation_frequency" else None
-    header = [words(ranges.parameter), "Hz", "up to speed", "rpm", "first bifurcation", "curve", ""]
+    factor, unit, _ = _dimensional(ranges.parameter, scales)
+    header = [words(ranges.parameter), unit, "up to speed", "rpm", "first bifurcation", "curve", ""]
     rows: list[tuple[str | None, ...]] = []
     for part in ranges.stretches():
         ends = part.first.abscissa, part.last.abscissa
         rows.append(
             (
                 _interval(*ends, ".4f"),
-                None if hertz is None else _interval(hertz * ends[0], hertz * ends[1], ".1f"),
+                _interval(factor * ends[0], factor * ends[1], ".1f" if unit == "Hz" else ".4g"),
                 *_reached(part, scales),
                 _bifurcation(part),
                 None if part.first.curve < 0 else ranges.curves[part.first.curve],
@@ -143,26 +143,37 @@ def _seen(margin: Margin, point: BoundaryPoint | None, scales: Scales) -> tuple[
 
 
 def _change(parameter: str, value: float, scales: Scales) -> str | None:
-    """A change of a parameter, in rpm or Hz too; None where there is no change."""
+    """A change of a parameter, in both units; None where there is no change."""
+    from pipelines.case.units import rounded
+
     if abs(value) < UNCHANGED:
         return None
-    if parameter == "speed":
-        return f"{value:+.4f} ({scales['speed_rpm_per_unit'] * value:+.0f} rpm)"
-    if parameter == "excitation_frequency":
-        return f"{value:+.4f} ({scales['hertz_per_unit'] * value:+.1f} Hz)"
-    return f"{value:+.4f}"
+    factor, unit, _ = _dimensional(parameter, scales)
+    sign = "+" if value > 0.0 else ""
+    return f"{value:+.4f} ({sign}{rounded(factor * value)} {unit})"
 
 
 def with_units(data: Mapping[str, Any], scales: Scales) -> dict[str, Any]:
-    """The same data with every speed in rpm and every excitation frequency in Hz beside it."""
+    """The same data with every parameter in its SI unit beside it: speed, speed_rpm."""
+    from pipelines.case.fields import MEASURES
+
     found: dict[str, Any] = {}
-    units = {"speed": ("rpm", "speed_rpm_per_unit"), "excitation_frequency": ("hz", "hertz_per_unit")}
     for name, value in data.items():
         found[name] = with_units(value, scales) if isinstance(value, Mapping) else value
-        unit = units.get(name.removesuffix("_distance"))
-        if unit is not None and not isinstance(value, Mapping):
-            found[f"{name}_{unit[0]}"] = None if value is None else value * scales[unit[1]]
+        parameter = name.removesuffix("_distance")
+        if parameter in MEASURES and not isinstance(value, Mapping):
+            factor, _, ending = _dimensional(parameter, scales)
+            found[f"{name}_{ending}"] = None if value is None else value * factor
     return found
+
+
+def _dimensional(parameter: str, scales: Scales) -> tuple[float, str, str]:
+    """What a dimensionless 1 of a parameter is in its SI unit, this unit, and the ending of names with it."""
+    from pipelines.case.fields import MEASURES, SI_UNITS
+    from pipelines.datasets.dimensional import ENDINGS, scale_of_case
+
+    quantity = MEASURES[parameter]
+    return scale_of_case(scales)[quantity], SI_UNITS[quantity], ENDINGS[SI_UNITS[quantity]]
 
 
 def _kind(bifurcation: str, criticality: str) -> str:
@@ -173,13 +184,19 @@ def _kind(bifurcation: str, criticality: str) -> str:
 
 
 def _abscissa(ranges: OperatingRange, value: float, scales: Scales) -> str:
-    if ranges.parameter != "excitation_frequency":
-        return f"{value:.4g}"
-    return f"{value:.4f} ({scales['hertz_per_unit'] * value:.1f} Hz)"
+    return _in_both(ranges.parameter, value, scales)
 
 
 def _speed(value: float, scales: Scales) -> str:
-    return f"{value:.4f} ({scales['speed_rpm_per_unit'] * value:.0f} rpm)"
+    return _in_both("speed", value, scales)
+
+
+def _in_both(parameter: str, value: float, scales: Scales) -> str:
+    from pipelines.case.fields import MEASURES
+    from pipelines.case.units import in_both
+    from pipelines.datasets.dimensional import scale_of_case
+
+    return in_both(MEASURES[parameter], value, scale_of_case(scales), ".4f")
 
 
 def _interval(low: float, high: float, form: str) -> str:

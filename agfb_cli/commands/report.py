@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from pipelines.stages.reports.operating_range import OperatingRange
     from pipelines.stages.reports.survey_summary import SurveySummary
 
-CURVES = ("pd", "ns", "folds")
 Page = Annotated[
     Path | None,
     typer.Option(
@@ -171,6 +170,11 @@ class Told:
             found.append(f"curves past kinks of the clipping: {regularised.NAME} {where}")
         return found if self.survey is None else [*found, self.survey.sentence()]
 
+    def caution(self, console: Console, case: str) -> None:
+        """Tell the doubts, a line each."""
+        for caution in self.cautions:
+            console.message(f"caution: {case}: {caution}")
+
 
 def gather(
     path: Path, found: Mapping[str, OperatingRange], surveys: Mapping[str, SurveySummary]
@@ -186,10 +190,11 @@ def gather(
     for case in [*found, *(case for case in surveys if case not in found)]:
         ranges = found.get(case)
         error, doubt = condensation(opened, case)
-        uncertain = step_errors.count_in(opened, curves_of(opened, case))
+        curves = curves_of(opened, case)
+        uncertain = step_errors.count_in(opened, curves)
         loose = () if ranges is None else tuple(open_ends(opened, case))
         doubts = (doubt, step_errors.caution(uncertain), caution_of(loose))
-        cautions = () if ranges is None else (*ranges.cautions, *doubts)
+        cautions = (*(() if ranges is None else ranges.cautions), *doubts)
         told[case] = Told(
             case_attributes(opened, case)["scales"],
             ranges,
@@ -197,7 +202,7 @@ def gather(
             error,
             doubt,
             uncertain[0],
-            regularised.count_in(opened, curves_of(opened, case)),
+            regularised.count_in(opened, curves),
             loose,
             tuple(filter(None, cautions)),
         )
@@ -231,6 +236,7 @@ def show(
     for case, each in told.items():
         if each.ranges is None:
             console.data("\n".join(f"{case}: {remark}" for remark in each.remarks()))
+            each.caution(console, case)
             continue
         console.data(("" if first else "\n") + range_text.heading(case, each.ranges, each.scales))
         first = False
@@ -241,8 +247,7 @@ def show(
             console.data(table(*range_text.margin_rows(each.ranges.margin, each.scales)))
         for remark in each.remarks():
             console.data(remark)
-        for caution in each.cautions:
-            console.message(f"caution: {case}: {caution}")
+        each.caution(console, case)
     if html is not None:
         console.data(str(html))
 
@@ -282,10 +287,11 @@ def condensation(store: StoreOnDisk, case: str) -> tuple[float | None, str]:
 
 def curves_of(store: StoreOnDisk, case: str) -> list[str]:
     """Full names of the curves of a case."""
+    from pipelines.datasets.curves import CURVE_CONTAINERS
     from pipelines.datasets.reading import list_groups
     from pipelines.datasets.store import local_name
 
-    return [name for name in list_groups(store, case) if local_name(name).split("/")[0] in CURVES]
+    return [name for name in list_groups(store, case) if local_name(name).split("/")[0] in CURVE_CONTAINERS]
 
 
 def write_page(
@@ -306,19 +312,18 @@ def write_page(
     opened = open_for_reading(path)
     cases = matching(list_cases(opened), pattern)
     console.message("drawing the page")
-    concluded = {case: conclusions(opened, case, told.get(case), missing.get(case, "")) for case in cases}
+    concluded = {case: conclusions(told.get(case), missing.get(case, "")) for case in cases}
     page = report_page(opened, cases, concluded, console.message)
     make_folder(html.parent, durable=False)
     replace_file(html, page, durable=False)
 
 
-def conclusions(store: StoreOnDisk, case: str, told: Told | None, missing: str) -> Any:
+def conclusions(told: Told | None, missing: str) -> Any:
     """What the page repeats of the report of a case."""
     from pipelines.figures.page.case_section import Conclusions, ToldTable
 
-    facts = rotor_facts(store, case)
     if told is None:
-        return Conclusions(facts=facts, missing=missing)
+        return Conclusions(missing=missing)
     tables = []
     if told.ranges is not None:
         header, rows = range_text.boundary_rows(told.ranges, told.scales)
@@ -326,24 +331,6 @@ def conclusions(store: StoreOnDisk, case: str, told: Told | None, missing: str) 
         if told.ranges.margin is not None:
             header, rows = range_text.margin_rows(told.ranges.margin, told.scales)
             tables.append(ToldTable("Margin of the operating point", header, rows))
-    return Conclusions([*told.sentences(), *told.remarks()], tables, told.cautions, facts, missing)
-
-
-def rotor_facts(store: StoreOnDisk, case: str) -> list[tuple[str, str]]:
-    """Mass, centre of gravity and bearing loads; nothing where the store lacks them."""
-    from pipelines.datasets.reading import read_group
-    from pipelines.datasets.store import case_group
-
-    group = case_group(case, "machine")
-    rotor = read_group(store, group, ()).attributes.get("rotor") if store.has_group(group) else None
-    if rotor is None:
-        return []
-    loads = [
-        (f"static load of bearing {number}", f"{load:.4g} N")
-        for number, load in enumerate(rotor["bearing_loads"], start=1)
-    ]
-    return [
-        ("mass", f"{rotor['mass']:.4g} kg"),
-        ("centre of gravity, from node 0", f"{1e3 * rotor['centre_of_gravity']:.4g} mm"),
-        *loads,
-    ]
+    # the page itself tells the cautions of the groups, that of the condensation with them
+    cautions = [caution for caution in told.cautions if caution != told.condensation_caution]
+    return Conclusions([*told.sentences(), *told.remarks()], tables, cautions, missing)

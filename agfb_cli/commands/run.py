@@ -10,8 +10,9 @@ from agfb_cli.options import NO_FIGURES, REFINE
 HELP = """Run all analyses of a case and draw the figures.
 
 Runs linearize, criticals and continue-cycles for every case, then searches the plane of [track_curves] for
-all bifurcation curves as [bifurcation_set] says, and draws the figures into the directory NAME-figures
-beside the store NAME.zarr.
+all bifurcation curves as [bifurcation_set] says (with bifurcation_set.certify compared with a survey and
+searched on where they disagree), and draws the figures into the directory NAME-figures beside the store
+NAME.zarr.
 """
 
 CHAIN = ("linearize", "criticals", "continue_cycles", "bifurcation_set")

@@ -44,8 +44,8 @@ from pipelines.bifurcations.curve import (
 )
 from pipelines.bifurcations.curves.codimension_two import (
     crossed,
-    other_multipliers,
     resonant_end,
+    unstable_others,
     without_rounding,
 )
 from pipelines.bifurcations.curves.double_passages import dip_through
@@ -63,7 +63,7 @@ from pipelines.bifurcations.curves.segment import (
 )
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.curves.tongues import both_sides, dips, ends_inside
-from pipelines.bifurcations.detection import EventKind, unstable_count
+from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
 from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
 from pipelines.orbits.period_map import PhaseReference
@@ -159,18 +159,18 @@ class _Curve(Tracer[CurveState, CurveStep]):
 
     def ends_before(self, state: CurveState, step: CurveStep) -> tuple[CurveStop, str] | None:
         """Whether the curve runs along a known one, or along itself."""
-        others = other_multipliers(
+        unstable = unstable_others(
             self.problem.kind,
             step.point.cycle.spectrum.multipliers,
             step.point.cos_theta,
             self.problem.period_map.autonomous,
         )
-        unstable = unstable_count(others, False)
         name = _along(state, step.end, unstable, self._traced, self.options)
         metric = curve_metric(self.problem, self.options, state.start)
         if name is None and self._own is not None and not returned(state, step.end.position, metric):
             itself = {"itself": self._own.without_last(_RECENT)}
-            name = _along(state, step.end, unstable, itself, self.options, same_sense=True)
+            # without the count, which is known only of the points before a restart
+            name = _along(state, step.end, None, itself, self.options, same_sense=True)
         return None if name is None else (CurveStop.TRACED, f"it runs along {name}")
 
     def advance(self, state: CurveState, step: CurveStep) -> CurveState:
@@ -225,14 +225,14 @@ class _Curve(Tracer[CurveState, CurveStep]):
 def _along(
     state: CurveState,
     end: CurveEnd,
-    unstable: int,
+    unstable: int | None,
     traced: Mapping[str, KnownCurve],
     options: CurveOptions,
     same_sense: bool = False,
 ) -> str | None:
     """The name of the traced curve on which an accepted point and the point before it lie.
 
-    ``unstable``: number of its other multipliers outside the unit circle.
+    ``unstable``: number of its other multipliers outside the unit circle, None where that is not compared.
 
     A single point may lie where two curves cross at a small angle.  A curve meets itself in the
     ``same_sense``; the other side of a narrow loop is no part of it.

@@ -84,7 +84,12 @@ class CalibrationTarget(UnitsTable):
         "onset_speed",
     )
     value: float | None = scalar(
-        "the target value; a slope has no unit", "1 or rpm", None, measured_by="quantity", si_key="value_rpm"
+        "the target value; in SI units a speed in rpm, a `corner_frequency` in Hz; slopes and growth rates "
+        "have no unit",
+        "1 or rpm, Hz",
+        None,
+        measured_by="quantity",
+        si_key="value_rpm",
     )
     value_rpm: float | None = scalar(
         "the target value as a speed in rpm, whatever the units", "rpm", None, above=0,

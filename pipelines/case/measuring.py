@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from pipelines.case.fields import MEASURES, Path, Table, extra_of, model_of
 from pipelines.case.sweeps import values_at
 
-UNITS, STEP = "units", "step"
+UNITS = "units"
 
 
 def measures_of(
@@ -82,7 +82,7 @@ class Measured:
 
 
 def measured(root: type[Table], document: Mapping[str, Any], table: str) -> Iterator[Measured]:
-    """The values of a table of a resolved document that measure something, arclength steps left out.
+    """The values of a table of a resolved document that measure something.
 
     A value whose entries measure different quantities comes entry by entry.
     """
@@ -107,7 +107,8 @@ def _measured(
             yield from _measured(root, document, told.model, value, path)
             continue
         measures = measures_of(root, document, node, model, told.declared)
-        if len(measures) > 1:
+        rows = isinstance(value, list) and all(isinstance(item, list) for item in value)
+        if rows and len(measures) > 1:
             for index, (measure, item) in enumerate(zip(measures, value, strict=True)):
                 yield Measured((*path, index), measure, tuple(item), False)
         elif measures:
@@ -132,12 +133,12 @@ class _Inner:
 
 @cache
 def _told(model: type[Table]) -> Mapping[str, _Key | _Inner]:
-    """The keys of a table that measure something, or hold a table with such keys; no arclength steps."""
+    """The keys of a table that measure something, or hold a table with such keys."""
     told: dict[str, _Key | _Inner] = {}
     for name, declared in model.model_fields.items():
         if (inner := inner_with_units(model, name)) is not None:
             told[name] = _Inner(inner)
-        elif _measures(declared) and not name.endswith(STEP):
+        elif _measures(declared):
             told[name] = _Key(declared, in_si=False)
             if other := extra_of(declared, "si_key"):
                 told[other] = _Key(declared, in_si=True)

@@ -73,6 +73,8 @@ def ranges_of_speed(case: Case) -> Iterator[tuple[str, tuple[float, float]]]:
     """Dotted key and ends of the ranges of speed along which equilibria are computed."""
     yield "linearize.speed_range", case.linearize.speed_range
     yield "criticals.speed_range", case.criticals.speed_range
+    if case.coefficients.speed_range is not None:
+        yield "coefficients.speed_range", case.coefficients.speed_range
     if case.unbalance is not None:
         yield "unbalance_response.speed_range", case.unbalance_response.speed_range
 

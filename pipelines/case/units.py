@@ -200,9 +200,12 @@ def _twin(model: type[Table], declared: FieldInfo, measures: tuple[str, ...], no
 
 def in_si(quantity: str, value: float, scale: Scale) -> str:
     """A dimensionless number in its SI unit, for readers: `19948 rpm`."""
-    number = value * scale[quantity]
-    digits = f"{number:.0f}" if 1e3 <= abs(number) < 1e7 else f"{number:.4g}"
-    return f"{digits} {SI_UNITS[quantity]}"
+    return f"{rounded(value * scale[quantity])} {SI_UNITS[quantity]}"
+
+
+def rounded(number: float) -> str:
+    """A number in SI units with the digits that a reader needs."""
+    return f"{number:.0f}" if 1e3 <= abs(number) < 1e7 else f"{number:.4g}"
 
 
 def in_both(quantity: str, value: float, scale: Scale, form: str = ".6g") -> str:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pipelines.case.fields import MEASURES, SI_UNITS, Path, extra_of, field_at
 from pipelines.case.measuring import measured
 from pipelines.case.models import Case
+from pipelines.case.problems import value_at
 from pipelines.case.sweeps import short_names
 from pipelines.case.units import scale_of
 from pipelines.datasets.dimensional import ENDINGS, scale_of_case
@@ -113,7 +114,7 @@ def _in_si(document: Mapping[str, Any]) -> Iterator[tuple[Path, float]]:
     for table in tables:
         for each in measured(Case, document, table):
             factor = 1.0 if scale is None or each.in_si else scale[each.quantity]
-            for path, number in _flat(each.numbers, each.path):
+            for path, number in _flat(value_at(document, each.path), each.path):
                 yield path, factor * number
 
 
@@ -212,10 +213,6 @@ def _speed(name: str, speed: float | None, scales: Mapping[str, float]) -> Itera
     yield from _both(name, "speed", speed, scales)
 
 
-def _frequency(name: str, value: float | None, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
-    yield from _both(name, "excitation_frequency", value, scales)
-
-
 def _first_bifurcation(branch: Group, scales: Mapping[str, float]) -> Iterator[tuple[str, Value]]:
     """The first bifurcation on the branch and the value of the branch's parameter there."""
     parameter = str(branch.attributes["parameter"])
@@ -233,8 +230,7 @@ def _operating_range(
     """What `agfb report` concluded."""
     best, parameter = attributes.get("best"), attributes["parameter"]
     if best is not None:
-        if parameter == "excitation_frequency":
-            yield from _frequency("best_excitation_frequency", best[parameter], scales)
+        yield from _both(f"best_{parameter}", parameter, best[parameter], scales)
         yield from _speed("best_speed", best["speed"], scales)
         yield "best_bound", "none" if best["open"] else str(best["bifurcation"])
     yield "passive_gain", attributes.get("passive_gain")
@@ -254,10 +250,7 @@ def _margin(
         for name in ("speed", parameter, "relative")
     )
     yield from _speed("margin_speed", in_speed, scales)
-    if parameter == "excitation_frequency":
-        yield from _frequency("margin_excitation_frequency", along, scales)
-    else:
-        yield f"margin_{parameter}", along
+    yield from _both(f"margin_{parameter}", parameter, along, scales)
     yield "margin_relative", relative
     nearest = margin["nearest"]
     yield "margin_bifurcation", "none" if nearest is None else str(nearest["bifurcation"])

@@ -12,11 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipelines.datasets.dimensional import StoredScales
 from pipelines.datasets.reading import read_group
-from pipelines.datasets.schema import Array
+from pipelines.datasets.schema import KINDS, Array
 from pipelines.datasets.store import Store
 
 KIND = "coefficients"
+ARRAYS = ("speed", "frequency", "stiffness", "damping", "bearing_node")
 ENTRIES = (("xx", 0, 0), ("xy", 0, 1), ("yx", 1, 0), ("yy", 1, 1))
 _MEANING = (
     "# film and foil in series about the equilibrium of each speed, for whirl at each frequency: "
@@ -47,20 +49,24 @@ class BearingTable:
 
 def bearing_table(store: Store, name: str, bearing: int) -> BearingTable:
     """The coefficients of a bearing, counted from 0, from a group ``cases/CASE/coefficients``."""
-    group = read_group(store, name)
+    case = name.split("/")[1]
+    group, scales = read_group(store, name, ARRAYS), StoredScales(store, case)
     found = np.isfinite(group["stiffness"]).all(axis=(1, 2, 3, 4))
+    speed, frequency = group["speed"][found], group["frequency"]
+    units = [scales.si_unit(group, KINDS[KIND].array(array)) for array in ("stiffness", "damping")]
+    stiffness_unit, damping_unit = (float(unit.factor.ravel()[bearing]) for unit in units if unit is not None)
     return BearingTable(
-        name.split("/")[1],
+        case,
         bearing + 1,
         int(group["bearing_node"][bearing]),
-        group["speed"][found],
-        group["speed_rpm"][found],
-        group["frequency"],
-        group["frequency_hertz"],
+        speed,
+        speed * scales.scale["speed"],
+        frequency,
+        frequency * scales.scale["frequency"],
         group["stiffness"][found, :, bearing],
         group["damping"][found, :, bearing],
-        float(group["stiffness_unit"][bearing]),
-        float(group["damping_unit"][bearing]),
+        stiffness_unit,
+        damping_unit,
     )
 
 

@@ -19,7 +19,13 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.schema import FIRST, OWN, ROTOR, Array, ArraySpec
 from pipelines.datasets.store import Store, case_group
 
-STIFFNESS, DAMPING = "bearing_stiffness", "bearing_damping"
+_OF_BEARINGS = {
+    "bearing_stiffness": "N/m",
+    "stiffness": "N/m",
+    "bearing_damping": "N s/m",
+    "damping": "N s/m",
+}
+"""Arrays over p0 R L/c or p0 R L t0/c of the bearing itself."""
 _BY_LAST_WORD = {"speed": "speed", "frequency": "frequency", "time": "time", "period": "time"}
 _BY_NAME = {
     "peak_low": "speed",
@@ -31,7 +37,13 @@ _BY_NAME = {
     "foil_stiffness": "foil_stiffness",
     "event_foil_stiffness": "foil_stiffness",
 }
-_BY_ATTRIBUTE = {"abscissa": ("parameter", 0), "along": ("parameters", 0), "across": ("parameters", 1)}
+_BY_ATTRIBUTE = {
+    "abscissa": ("parameter", 0),
+    "along": ("parameters", 0),
+    "point_along": ("parameters", 0),
+    "across": ("parameters", 1),
+    "point_across": ("parameters", 1),
+}
 """Arrays of a parameter that an attribute of their group names, the first or the second of two."""
 ENDINGS = {
     "rpm": "rpm",
@@ -51,7 +63,7 @@ class SiUnit:
 
     unit: str
     factor: Array
-    """One number, or an array that fits all dimensions but the first; NaN for entries with another unit."""
+    """One number, or an array that fits all dimensions; NaN for entries with another unit."""
 
     @property
     def ending(self) -> str:
@@ -72,10 +84,14 @@ class StoredScales:
     case: str
 
     @cached_property
+    def _scales(self) -> Mapping[str, float] | None:
+        """The ``scales`` of the case; None where they are not stored."""
+        return case_attributes(self.store, self.case).get("scales")
+
+    @cached_property
     def scale(self) -> dict[str, float]:
         """What a dimensionless 1 is in the units of `SI_UNITS`; nothing where the scales are not stored."""
-        scales = case_attributes(self.store, self.case).get("scales")
-        return {} if scales is None else scale_of_case(scales)
+        return {} if self._scales is None else scale_of_case(self._scales)
 
     @cached_property
     def _bearings(self) -> dict[str, Array]:
@@ -90,36 +106,30 @@ class StoredScales:
         """The unit of an array of a group; None for what has none, or has its unit already."""
         if spec.units != "1" or spec.dtype not in ("float64", "complex128") or not self.scale:
             return None
-        inner = spec.dimensions[1:]
-        if spec.name in (STIFFNESS, DAMPING):
-            return self._of_bearings(inner, spec.name)
+        if (measures := _OF_BEARINGS.get(spec.name)) is not None:
+            return self._of_bearings(spec.dimensions, measures)
         if ROTOR in spec.long_name:
-            return self._of_coordinates(group, inner)
+            return self._of_coordinates(group, spec.dimensions)
         if (quantity := quantity_of(spec, group.attributes)) is not None:
             return SiUnit(SI_UNITS[quantity], np.array(self.scale[quantity]))
-        return self._of_bearings(inner, "clearance") if OWN in spec.long_name else None
+        return self._of_bearings(spec.dimensions, "um") if OWN in spec.long_name else None
 
-    def _of_bearings(self, inner: tuple[str, ...], what: str) -> SiUnit | None:
+    def _of_bearings(self, dimensions: tuple[str, ...], unit: str) -> SiUnit | None:
         """Lengths over the clearance of each bearing; stiffness over p0 R L/c, damping over p0 R L t0/c."""
-        if "bearing" not in inner or not self._bearings:
+        if "bearing" not in dimensions or not self._bearings or self._scales is None:
             return None
         radius, length, clearance = (self._bearings[name] for name in ("radius", "length", "clearance"))
-        scales = case_attributes(self.store, self.case)["scales"]
-        stiffness = scales["pressure"] * radius * length / clearance
-        unit, values = {
-            "clearance": ("um", 1e6 * clearance),
-            STIFFNESS: ("N/m", stiffness),
-            DAMPING: ("N s/m", stiffness * scales["time"]),
-        }[what]
-        return SiUnit(unit, values.reshape([-1 if name == "bearing" else 1 for name in inner]))
+        stiffness = self._scales["pressure"] * radius * length / clearance
+        values = {"um": 1e6 * clearance, "N/m": stiffness, "N s/m": stiffness * self._scales["time"]}[unit]
+        return SiUnit(unit, values.reshape([-1 if name == "bearing" else 1 for name in dimensions]))
 
-    def _of_coordinates(self, group: Group, inner: tuple[str, ...]) -> SiUnit | None:
+    def _of_coordinates(self, group: Group, dimensions: tuple[str, ...]) -> SiUnit | None:
         """Displacements of the rotor's coordinates; its slopes have another unit."""
-        if "coordinate" not in inner or "coordinate_axis" not in group.attributes["arrays"]:
+        if "coordinate" not in dimensions or "coordinate_axis" not in group.attributes["arrays"]:
             return None
         axes = read_group(self.store, group.name, ("coordinate_axis",)).labels("coordinate_axis")
         factor = np.where(np.isin(axes, ("x", "y")), self.scale["displacement"], np.nan)
-        return SiUnit("um", factor.reshape([-1 if name == "coordinate" else 1 for name in inner]))
+        return SiUnit("um", factor.reshape([-1 if name == "coordinate" else 1 for name in dimensions]))
 
 
 def scale_of_case(scales: Mapping[str, float]) -> dict[str, float]:

@@ -204,13 +204,14 @@ def _mat(store: Store, case: str, full: bool) -> bytes:
     from scipy.io import savemat
 
     content: dict[str, Any] = {"case_attributes": json.dumps(case_attributes(store, case))}
+    scales = StoredScales(store, case)
     for name in list_groups(store, case):
         group = read_group(store, name, [spec.name for spec in _chosen(store, name, full)])
         struct: dict[str, Any] = {
             array[:_LONGEST_NAME]: _for_matlab(group.labels(array)) for array in group.arrays
         }
         struct["units"] = {array[:_LONGEST_NAME]: _spec(group, array).units for array in group.arrays}
-        units = {array: _scales(store, name).si_unit(group, _spec(group, array)) for array in group.arrays}
+        units = {array: scales.si_unit(group, _spec(group, array)) for array in group.arrays}
         both = {array[:_LONGEST_NAME]: si.attributes() for array, si in units.items() if si is not None}
         for key in ("si_units", "si_factor"):
             struct[key] = {array: attributes[key] for array, attributes in both.items()}

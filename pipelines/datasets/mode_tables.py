@@ -11,7 +11,7 @@ import numpy as np
 from pipelines.datasets.reading import case_attributes, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import Array
-from pipelines.datasets.store import Store
+from pipelines.datasets.store import Store, local_name
 
 KINDS = ("linear", "criticals")
 NEEDED = "logarithmic_decrement"
@@ -34,7 +34,9 @@ _MODES = {
 
 def mode_table(store: Store, name: str) -> bytes:
     """A row for every speed and oscillating mode of a group ``cases/CASE/linear`` or ``.../criticals``."""
-    group, text = read_group(store, name), io.StringIO(newline="")
+    own = {"linear": "eigenvalues", "criticals": "frequency"}[local_name(name)]
+    group = read_group(store, name, ("speed", NEEDED, "damping_ratio", "direction", own))
+    text = io.StringIO(newline="")
     scales = case_attributes(store, name.split("/")[1])["scales"]
     text.write(f"{_MODES[group.kind]}\n")
     text.write("# speed and frequency are dimensionless; a negative logarithmic decrement is unstable\n")

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from pipelines.case.scales import PARAMETERS
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """A new kind, or a new array that a group may lack, keeps the version.  Every other change of an array (name,
 type, dimensions, flags, meaning) gets a new one: older stores are then refused with advice to read them with
 the version of agfb that their attributes name, or to compute them again.  No command converts stores.
@@ -293,9 +293,7 @@ COEFFICIENTS = GroupSpec(
     "Stiffness and damping of the bearings over rotating speed and whirl frequency",
     (
         _real("speed", "speed", "rotating speed, dimensionless"),
-        _real("speed_rpm", "speed", "rotating speed", "rpm"),
         _real("frequency", "frequency", "whirl frequency, dimensionless"),
-        _real("frequency_hertz", "frequency", "whirl frequency", "Hz"),
         _real(
             "state",
             "speed component",
@@ -313,8 +311,6 @@ COEFFICIENTS = GroupSpec(
             "damping C of film and foil over p0 R L t0 / c, R, L and c of the bearing itself, t0 of the "
             "first one",
         ),
-        _real("stiffness_unit", "bearing", "p0 R L / c of the bearing", "N/m"),
-        _real("damping_unit", "bearing", "p0 R L t0 / c of the bearing", "N s/m"),
         _count("bearing_node", "bearing", "node of the bearing"),
         _count("newton_iterations", "speed", "Newton iterations of the equilibrium"),
         _real("newton_residual", "speed", "norm of the right-hand side at the equilibrium"),
@@ -587,7 +583,14 @@ TORI = GroupSpec(
         _real("event_section", "event angle component", "the section at the event", padded=True),
         _count("event_angle_count", "event", "number of angles of the section at the event"),
         _real("event_moduli", "event multiplier", "moduli of the multipliers at the event", padded=True),
-        _flag("event_stability", "event", "what the torus does along the branch", "lost", "gained"),
+        _flag(
+            "event_stability",
+            "event",
+            "what the torus does along the branch; unset where the numbers of unstable multipliers on both "
+            "sides are equal or one is undecided",
+            "lost",
+            "gained",
+        ),
         _real("event_residual", "event", "test function at the located event"),
         _real("tangent", "slot angle component", "unit tangent of the branch: section", padded=True),
         _real("tangent_rotation", "slot", "the same: rotation"),

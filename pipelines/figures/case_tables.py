@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from pipelines.datasets.curves import CURVE_CONTAINERS
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.store import Store, StoreError, case_group, local_name
 from pipelines.figures.axes import AxisScales
@@ -15,7 +16,6 @@ from pipelines.figures.runs import RUN_ARRAYS, RunView
 Notify = Callable[[str], None]
 
 RUNS = "transient_analysis"
-CURVE_CONTAINERS = ("pd", "ns", "folds")
 
 
 @dataclass(frozen=True)

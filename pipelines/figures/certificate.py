@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, add_right, add_top
+from pipelines.figures.case_tables import CaseTables
 from pipelines.figures.contents import CaseView, Table
-from pipelines.figures.stability_map import HORIZONTAL_FIRST, PlaneView, draw_curves, same_plane
+from pipelines.figures.stability_map import HORIZONTAL_FIRST, PlaneView, curves_over, draw_curves
 
 COUNTS = ("stable", "1 unstable multiplier", "2", "3", "4 or more")
 SHADES = ("#FFFFFF", "#FBE3D2", "#D9DCEE", "#F3C3A4", "#B4BADC")
@@ -25,6 +26,12 @@ MARKS: dict[str, tuple[str, dict[str, Any]]] = {
     "not_decided": ("not decided", {"marker": "+", "markersize": 4.0, "color": "#7A7A7A"}),
     "disagrees": ("not explained by the curves", {"marker": "x", "markersize": 5.5, "color": "#C00000"}),
 }
+
+
+def newest_certificate(case: CaseTables) -> Table | None:
+    """The newest certificate; those before it asked for lines that have been added since."""
+    found = case.of_kind("certificate")
+    return found[max(found)] if found else None
 
 
 @style.in_style
@@ -37,10 +44,7 @@ def draw_certificate(case: CaseView, table: Table, curves: Mapping[str, Table]) 
     axes.grid(False)
     axes.set(xlabel=PARAMETER_AXES[x].label, ylabel=PARAMETER_AXES[y].label)
     handles: list[Any] = list(_draw_counts(axes, table, turned=x != along))
-    inside = {
-        name: curve for name, curve in curves.items() if same_plane(curve) == {x, y} and len(curve["speed"])
-    }
-    if inside:
+    if inside := curves_over(curves, (x, y), started=True):
         handles += draw_curves(axes, PlaneView.of(inside, {}))
     handles += _draw_verdicts(axes, table, turned=x != along)
     add_right(axes, *PARAMETER_AXES[y].dimensional(case.scales))

@@ -13,16 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from pipelines.datasets.case_table import CaseTable, Column, short_titles
 from pipelines.figures import style
+from pipelines.figures.bifurcation_diagram import EVENT_MARKS, event_handles
 
 CONDITIONS = ("bearings.foil.stiffness", "excitation.frequency")
 RESULT, KIND = "first_bifurcation_speed", "first_bifurcation"
-MARKERS = {"neimark_sacker": "o", "period_doubling": "s", "fold": "^"}
-OTHER = "D"
 BASE = "unchanged"
 NONE = "none"
 
@@ -58,9 +56,10 @@ def change_panels(table: CaseTable) -> list[ChangePanel]:
         return []
     found: dict[str, list[Change]] = {}
     labels = list(_labels(changed))
+    titles = [", ".join(texts) for texts in zip(*_written(conditions), strict=True)]
     for case in sorted(range(len(labels)), key=lambda case: [column.values[case] for column in conditions]):
         label = labels[case]
-        title = ", ".join(_named(conditions, case))
+        title = titles[case] if titles else ""
         change = Change(label, float(results[RESULT][case]), str(results[KIND][case]))
         found.setdefault(title, []).append(change)
     ordered = {label: place for place, label in enumerate(dict.fromkeys([BASE, *labels]))}
@@ -72,18 +71,21 @@ def change_panels(table: CaseTable) -> list[ChangePanel]:
 
 def _labels(columns: Sequence[Column]) -> Iterator[str]:
     """For each case the keys that differ from the base, with their values."""
-    usual = [Counter(column.values.tolist()).most_common(1)[0][0] for column in columns]
-    for case in range(len(columns[0].values)):
-        differing = [
-            column for column, base in zip(columns, usual, strict=True) if column.values[case] != base
+    written = _written(columns)
+    usual = [Counter(texts).most_common(1)[0][0] for texts in written]
+    for texts in zip(*written, strict=True):
+        yield ", ".join(text for text, base in zip(texts, usual, strict=True) if text != base) or BASE
+
+
+def _written(columns: Sequence[Column]) -> list[list[str]]:
+    """The title and value of each column in each case; titles are told apart over all columns."""
+    return [
+        [
+            f"{title} = {value:.6g}" if column.is_number else f"{title} = {value}"
+            for value in column.values.tolist()
         ]
-        yield ", ".join(_named(differing, case)) or BASE
-
-
-def _named(columns: Sequence[Column], case: int) -> Iterator[str]:
-    for title, column in zip(short_titles(columns), columns, strict=True):
-        value = column.values[case]
-        yield f"{title} = {value:.4g}" if column.is_number else f"{title} = {value}"
+        for title, column in zip(short_titles(columns), columns, strict=True)
+    ]
 
 
 @style.in_style
@@ -100,19 +102,8 @@ def draw_changes(panels: Sequence[ChangePanel], note: str) -> Figure:
     grid[0, 0].set_ylim(len(labels) - 0.5, -0.5)
     for axes in grid.flat[len(panels) :]:
         axes.axis("off")
-    kinds = dict.fromkeys(each.kind for panel in panels for each in panel.changes if np.isfinite(each.speed))
-    handles = [
-        Line2D(
-            [],
-            [],
-            color=style.BLUE,
-            linestyle="",
-            marker=MARKERS.get(kind, OTHER),
-            label=kind.replace("_", " "),
-        )
-        for kind in kinds
-    ]
-    style.legend_below(figure, handles)
+    kinds = {each.kind for panel in panels for each in panel.changes if np.isfinite(each.speed)}
+    style.legend_below(figure, event_handles(kinds))
     figure.draw_without_rendering()  # the layout needs the size of the tick labels
     return style.finish(figure, "speed of the first bifurcation with one change at a time", note)
 
@@ -122,7 +113,7 @@ def _draw_panel(axes: Axes, panel: ChangePanel, labels: Sequence[str]) -> None:
         place = labels.index(change.label)
         if np.isfinite(change.speed):
             axes.plot([panel.base, change.speed], [place, place], color=style.SKY, linewidth=2.0)
-            axes.plot(change.speed, place, MARKERS.get(change.kind, OTHER), color=style.BLUE, markersize=4)
+            axes.plot(change.speed, place, **EVENT_MARKS[change.kind].look())
         else:
             axes.text(0.5, place, NONE, transform=axes.get_yaxis_transform(), ha="center", va="center")
     if np.isfinite(panel.base):

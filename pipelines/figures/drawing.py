@@ -25,7 +25,7 @@ from pipelines.figures.bifurcation_tree import draw_bifurcation_tree
 from pipelines.figures.bode import draw_bode
 from pipelines.figures.campbell import draw_campbell
 from pipelines.figures.case_tables import RUNS, CaseTables, Notify, kind_of, read_case
-from pipelines.figures.certificate import draw_certificate
+from pipelines.figures.certificate import draw_certificate, newest_certificate
 from pipelines.figures.coefficients import draw_coefficients
 from pipelines.figures.condensation import draw_condensation
 from pipelines.figures.contents import CaseView, FigurePlan, MissingDataError, Table, excitation_periods
@@ -41,7 +41,7 @@ from pipelines.figures.run_motion import draw_modal_energy, draw_poincare, draw_
 from pipelines.figures.runs import RunView
 from pipelines.figures.sensitivity import TABLE_KINDS, table_plans
 from pipelines.figures.several_cases import JOINT_KINDS, joint_plans
-from pipelines.figures.stability_map import PlaneView, draw_stability_map, map_stem, same_plane
+from pipelines.figures.stability_map import draw_stability_map, map_stem, planes_of
 from pipelines.figures.survey import draw_survey
 from pipelines.figures.tori import draw_section, draw_tori, is_unbalanced
 
@@ -346,22 +346,11 @@ def _torus_plans(view: CaseView, tori: Mapping[str, Table], cycles: Mapping[str,
 def _map_plans(case: CaseTables) -> list[FigurePlan]:
     """A map for every pair of parameters over which there are curves."""
     plans = []
-    for content in planes_of(case):
+    for content in planes_of(case.curves, case.single):
         started = any(len(curve["speed"]) for curve in content.tables.values())
         draw = partial(draw_stability_map, case.view, content) if started else _nothing_yet(case.view)
         plans.append(FigurePlan("stability", map_stem("stability-map", content.x, content.y), draw))
     return plans
-
-
-def planes_of(case: CaseTables) -> list[PlaneView]:
-    """The planes of two parameters over which a case has curves."""
-    planes = sorted({same_plane(curve) for curve in case.curves.values()}, key=sorted)
-    return [
-        PlaneView.of(
-            {name: curve for name, curve in case.curves.items() if same_plane(curve) == plane}, case.single
-        )
-        for plane in planes
-    ]
 
 
 def _survey_plans(case: CaseTables) -> list[FigurePlan]:
@@ -375,11 +364,11 @@ def _survey_plans(case: CaseTables) -> list[FigurePlan]:
 
 
 def _certificate_plans(case: CaseTables) -> list[FigurePlan]:
-    """The newest certificate; those before it asked for lines that have been added since."""
-    found = case.of_kind("certificate")
-    if not found:
+    """The newest certificate."""
+    newest = newest_certificate(case)
+    if newest is None:
         return []
-    draw = partial(draw_certificate, case.view, found[max(found)], case.curves)
+    draw = partial(draw_certificate, case.view, newest, case.curves)
     return [FigurePlan("certificate", "certificate", draw)]
 
 

@@ -3,8 +3,8 @@
 Lines, markers and axis labels are those of `agfb figures`; titles, legends and the figure's style are yours.
 Every function returns handles for `Axes.legend`. ``case`` may be omitted where the store holds one case.
 
-Raises ValueError where the store holds no such case, MissingDataError where the case lacks the data,
-StoreError where the store cannot be read.
+Raises ValueError for a case, a bearing or a direction that there is not, MissingDataError where the case
+lacks the data, StoreError where the store cannot be read.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pipelines.figures.case_tables import RUNS, CaseTables, read_case
 from pipelines.figures.contents import MissingDataError, Table
 from pipelines.figures.response_envelope import comparable, draw_chart, envelope_handles
 from pipelines.figures.runs import label_along
-from pipelines.figures.stability_map import PlaneView, draw_plane, same_plane
+from pipelines.figures.stability_map import PlaneView, curves_over, draw_plane
 
 HORIZONTAL, VERTICAL = 0, 1
 DIRECTIONS = {"horizontal": HORIZONTAL, "vertical": VERTICAL}
@@ -35,7 +35,7 @@ def stability_map(
 ) -> list[Any]:
     """Draw all bifurcation curves of a case over two parameters."""
     held = _read(store, case, ("curve", "bifurcation_set", "operating_range", "refinement"))
-    inside = {name: curve for name, curve in held.curves.items() if same_plane(curve) == frozenset(plane)}
+    inside = curves_over(held.curves, plane)
     if not inside:
         raise MissingDataError(f"{held.view.name} has no curves over {' and '.join(sorted(plane))}")
     return draw_plane(axes, PlaneView.of(inside, held.single))
@@ -52,6 +52,8 @@ def branch(
 
     Over the clearance of each bearing; ``direction``: horizontal or vertical.
     """
+    if direction not in DIRECTIONS:
+        raise ValueError(f"direction must be {' or '.join(DIRECTIONS)}, not {direction!r}")
     held = _read(store, case, ("cycles",))
     table = _chosen(held, held.of_kind("cycles"), name, "branch")
     parameter, quantity = str(table.attributes["parameter"]), envelope(DIRECTIONS[direction])
@@ -66,6 +68,8 @@ def transient(
 ) -> list[Any]:
     """Draw the vertical envelope of a transient in a bearing (1 or 2), over that of the stored cycles."""
     held = _read(store, case, (RUNS, "transient", "cycles"))
+    if not 1 <= bearing <= held.view.bearings:
+        raise ValueError(f"bearing must be 1 to {held.view.bearings}, not {bearing}")
     run = _chosen(held, {run.name: run for run in held.runs}, name, "transient")
     cycles = comparable(run, list(held.of_kind("cycles").values())) if run.over_speed else []
     draw_chart(axes, held.view, run, cycles, bearing - 1)

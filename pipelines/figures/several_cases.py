@@ -11,7 +11,7 @@ from pipelines.figures.case_tables import RUNS, CaseTables, Notify
 from pipelines.figures.contents import CaseView, FigurePlan, Table
 from pipelines.figures.map_sets import Overlay, draw_map_sets
 from pipelines.figures.response_envelope import Chart, comparable, draw_envelopes
-from pipelines.figures.stability_map import PlaneView, map_stem, same_plane
+from pipelines.figures.stability_map import PlaneView, curves_over, map_stem, same_plane
 
 # Figure of several cases: kinds of groups that it needs.
 JOINT_KINDS: Mapping[str, Collection[str]] = MappingProxyType(
@@ -51,7 +51,7 @@ def _set_plans(cases: Sequence[CaseTables], notify: Notify) -> Iterator[FigurePl
 
 def _curves_over(case: CaseTables, plane: frozenset[str]) -> dict[str, Table]:
     """Curves of a case over two parameters; none where no curve has a point yet."""
-    inside = {name: curve for name, curve in case.curves.items() if same_plane(curve) == plane}
+    inside = curves_over(case.curves, plane)
     return inside if any(len(curve["speed"]) for curve in inside.values()) else {}
 
 

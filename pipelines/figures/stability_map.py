@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -85,6 +85,23 @@ class PlaneView:
 def same_plane(table: Table) -> frozenset[str]:
     """The two parameters of a curve, in any order."""
     return frozenset(str(name) for name in table.attributes["parameters"])
+
+
+def curves_over(
+    curves: Mapping[str, Table], plane: Collection[str], started: bool = False
+) -> dict[str, Table]:
+    """The curves over two parameters; ``started``: only those with points."""
+    return {
+        name: curve
+        for name, curve in curves.items()
+        if same_plane(curve) == frozenset(plane) and (len(curve["speed"]) or not started)
+    }
+
+
+def planes_of(curves: Mapping[str, Table], others: Mapping[str, Table]) -> list[PlaneView]:
+    """The planes of two parameters over which a case has curves; ``others`` as in `PlaneView.of`."""
+    planes = sorted({same_plane(curve) for curve in curves.values()}, key=sorted)
+    return [PlaneView.of(curves_over(curves, plane), others) for plane in planes]
 
 
 def map_stem(figure: str, x: str, y: str) -> str:
@@ -190,16 +207,18 @@ def _draw_stable_range(axes: Axes, view: PlaneView) -> list[Patch]:
 
 
 def passive_speed(view: PlaneView) -> float | None:
-    """The instability speed with undeformed rings; None if it is not known or not on an axis."""
+    """The instability speed with undeformed rings; None if it is not known, or not inside the plane."""
     table = view.others.get("bifurcation_set")
     value = None if table is None else table.attributes.get("passive_instability_speed")
-    return None if value is None or view.y != "speed" else float(value)
+    if value is None or view.y != "speed":
+        return None
+    low, high = view.ranges["speed"]
+    return float(value) if low <= value <= high else None
 
 
 def _draw_passive(axes: Axes, view: PlaneView) -> list[Line2D]:
     value = passive_speed(view)
-    low, high = view.ranges[view.y]
-    if value is None or not low <= value <= high:
+    if value is None:
         return []
     line = axes.axhline(value, color=INK, linewidth=0.9, linestyle=(0, (7, 2, 1.2, 2)), zorder=1.5)
     line.set_label(rf"instability at $\bar{{\delta}}=0$: {value:.4g}")

@@ -22,8 +22,8 @@ from pipelines.figures.stability_map import (
     HORIZONTAL_FIRST,
     INK,
     PlaneView,
+    curves_over,
     draw_curves,
-    same_plane,
 )
 
 GROWTH_MAP = "RdBu_r"  # white at zero
@@ -76,18 +76,13 @@ def draw_survey(case: CaseView, table: Table, curves: Mapping[str, Table]) -> Fi
     shown = _draw_missing((above, below), survey)
     below.set_xlabel(PARAMETER_AXES[survey.x].label)
     add_top(above, *PARAMETER_AXES[survey.x].dimensional(case.scales))
-    inside = {name: curve for name, curve in curves.items() if _drawable(curve, survey)}
-    if inside:
+    if inside := curves_over(curves, (survey.x, survey.y), started=True):
         view = PlaneView.of(inside, {})
         for axes in (above, below):
             lines = draw_curves(axes, view)
         handles += [line for line in lines if line.get_label() not in {each.get_label() for each in handles}]
     style.legend_below(figure, [*handles, *shown], 4)
     return style.finish(figure, f"{case.name}: survey{_constants(table)}{_progress(table)}", case.note)
-
-
-def _drawable(curve: Table, survey: SurveyMap) -> bool:
-    return same_plane(curve) == {survey.x, survey.y} and len(curve["speed"]) > 0
 
 
 def _limits(values: NDArray[np.float64]) -> tuple[float, float]:

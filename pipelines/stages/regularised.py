@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipelines.datasets.curves import CURVE_CONTAINERS
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, local_name
 
 ARRAYS = ("clipping_width", "width_effect")
 NAME = "regularised clipping"
-_CONTAINERS = frozenset({"pd", "ns", "folds"})
 
 
 class Regularised(NamedTuple):
@@ -44,17 +44,10 @@ def count(groups: Iterable[Group]) -> Regularised:
 def count_in(store: Store, groups: Iterable[str]) -> Regularised:
     """The number of such points in some of a store's groups, by full name; only curves count.
 
-    A curve of an older version has none and does not count.  Raises StoreError for one that cannot be read.
+    Raises StoreError for one that cannot be read.
     """
-    curves = [group for group in groups if local_name(group).split("/")[0] in _CONTAINERS]
-    return count(curve for group in curves if (curve := _read(store, group)) is not None)
-
-
-def _read(store: Store, group: str) -> Group | None:
-    try:
-        return read_group(store, group, ARRAYS)
-    except KeyError:
-        return None
+    curves = [group for group in groups if local_name(group).split("/")[0] in CURVE_CONTAINERS]
+    return count(read_group(store, group, ARRAYS) for group in curves)
 
 
 def in_words(found: Regularised) -> str:

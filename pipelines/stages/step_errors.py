@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from pipelines.datasets.curves import CURVE_CONTAINERS
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import Store, local_name
@@ -17,7 +18,7 @@ ADVICE = (
     'pressure without a slope; bearings.clipping = "smooth" or a finer grid may avoid that'
 )
 # of multipliers; that of tori is not estimated with an explicit stepper
-_CONTAINERS = frozenset({"cycles", "pd", "ns", "folds"})
+_CONTAINERS = frozenset({"cycles", *CURVE_CONTAINERS})
 
 Count = tuple[int, int]
 """Points whose error is unknown, and all points."""

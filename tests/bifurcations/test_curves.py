@@ -417,6 +417,29 @@ def test_two_curves_beside_each_other_are_told_apart_by_the_other_multiplier() -
     assert not would_end_on(above, [known], (1.0, 1.0))
 
 
+def test_a_restart_meets_the_curve_itself_where_the_whole_run_does() -> None:
+    """Flips on a + b i = e^(i angle), said to begin elsewhere.
+
+    Only what was recorded before a restart comes with the number of other multipliers outside the circle,
+    which differs here from that of the points behind it.
+    """
+    flips = explicit_map(
+        2, ("a", "b"), lambda s, p: (-(p[0] ** 2 + p[1] ** 2) * s[0] + s[0] ** 3, 0.5 * s[1] + s[0] ** 2)
+    )
+    problem = map_problem(flips, FLIP, (0, 0), ("a", "b"))
+    options = CurveOptions(((-2.0, 2.0), (-2.0, 2.0)), step=0.1, maximum_step=0.1)
+    first = trace(problem, start([0.0, 0.0], (1.0, 0.0)), replace(options, max_points=3)).states[-1]
+    first = replace(first, start_parameters=np.array([5.0, 5.0]))
+    whole = trace(problem, first, options)
+    assert (whole.result.stop, whole.result.message) == (CurveStop.TRACED, "it runs along itself")
+    assert len(whole.states) > 60
+    before, states = [first, *whole.states[:20]], whole.states[20:]
+    stored = replace(KnownCurve.of(before), unstable=np.ones(len(before)))
+    again = trace(problem, before[-1], options, own=stored)
+    assert (again.result.stop, again.result.message) == (whole.result.stop, whole.result.message)
+    assert len(again.states) == len(states)
+
+
 def passed_twice(special: SpecialKind) -> tuple[CurveProblem, Any, tuple[tuple[float, float], ...]]:
     """A curve on which the test of a special point is e^2 - 1e-4 or its negative, from e = 0.43 to -0.5.
 

@@ -20,7 +20,6 @@ from pipelines.case.rewriting import with_values
 from pipelines.case.scales import Scales
 from pipelines.case.sweeps import values_at
 from pipelines.case.units import dimensionless
-from pipelines.stages.transients.run import is_requested, request_of
 
 SI = 'units = "si"\n'
 VISCOSITY, PRESSURE, RADIUS, CLEARANCE = 1.85e-5, 101325.0, 0.014, 20.4e-6  # of the text of these tests
@@ -390,19 +389,6 @@ def test_without_scales_nothing_else_is_reported(problems) -> None:
 def test_a_validated_case_is_converted_once(text: str) -> None:
     named = read_cases(text + UNBALANCE + toml(tables(in_si), "si"), "demo.toml")[0]
     assert Case.model_validate(copy.deepcopy(named.resolved)) == named.case
-
-
-def test_stored_transients_of_earlier_versions_are_known(text: str) -> None:
-    """They stored seconds and rpm; the case has their dimensionless numbers."""
-    seconds = {"duration": 0.5, "times": [0.0, 0.4], "speeds": [9000.0, 14000.0]}
-    case = read(text + toml({"transient": seconds}, "si"))
-    stored = request_of(case)
-    assert is_requested(case, stored)
-    old = copy.deepcopy(stored)
-    old["transient"] |= {"units": "si", **seconds}
-    assert is_requested(case, old)
-    old["transient"]["duration"] = 0.6
-    assert not is_requested(case, old)
 
 
 PURE = {  # numbers without any unit: ratios, tolerances, sizes of states

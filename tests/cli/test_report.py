@@ -136,7 +136,7 @@ def with_margin(tmp_path: Path) -> Path:
 def test_the_margin_is_told_in_both_units(with_margin: Path) -> None:
     """The line is 0.5 above in speed, and 1 / sqrt(1.16) away relatively (tests/stages/test_margin)."""
     lines = report(str(with_margin)).stdout.splitlines()
-    assert "operating point: speed 0.5000 (9000 rpm), excitation frequency 1.0000 (300.0 Hz): stable" in lines
+    assert "operating point: speed 0.5000 (9000 rpm), excitation frequency 1.0000 (300 Hz): stable" in lines
     (speed,) = [line.split("  ") for line in lines if line.startswith("higher speed")]
     assert [cell.strip() for cell in speed if cell] == [
         "higher speed", "+0.5000 (+9000 rpm)", "-", "100.0%", "Neimark-Sacker, supercritical", "ns/c000",

@@ -54,6 +54,12 @@ def test_tables_have_columns_in_si_units(store: Store, tmp_path: Path, lengths) 
     lines = (tmp_path / "smoke-linear-speed.csv").read_text().splitlines()
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     assert "# speed_rpm: the same [rpm]" in lines
+    for name, unit in (("journal", "um"), ("eccentricity", "um"), ("stiffness", None)):
+        spec = KINDS["operating_point"].array(name)
+        found = StoredScales(store, "smoke").si_unit(read_group(store, "cases/smoke/operating_point"), spec)
+        assert (None if found is None else found.unit) == unit
+        if found is not None:
+            assert found.factor.ravel() == pytest.approx(1e6 * clearance, rel=1e-14)
     for row in rows:
         rpm = float(row["speed"]) / t0 * 30 / math.pi
         assert float(row["speed_rpm"]) == pytest.approx(rpm, rel=1e-14)
@@ -97,9 +103,10 @@ def test_slopes_have_no_micrometres(tmp_path: Path) -> None:
     found = StoredScales(opened, "smoke").si_unit(group, KINDS["cycles"].array("orbit_minimum"))
     assert found is not None
     is_slope = np.isin(group.labels("coordinate_axis"), ("alpha", "beta"))
-    assert np.isnan(found.factor).tolist() == is_slope.tolist()
+    factor = found.factor.ravel()
+    assert np.isnan(factor).tolist() == is_slope.tolist()
     assert is_slope.sum() == 2
-    assert found.factor[~is_slope] == pytest.approx(1e6 * case.case.bearings[0].clearance, rel=1e-14)
+    assert factor[~is_slope] == pytest.approx(1e6 * case.case.bearings[0].clearance, rel=1e-14)
 
 
 def test_every_array_called_dimensionless_has_a_unit() -> None:
@@ -115,13 +122,18 @@ def test_every_array_called_dimensionless_has_a_unit() -> None:
     assert quantity_of(KINDS["refinement"].array("error"), {}) is None
 
 
-def test_a_key_of_one_value_in_rpm_is_no_input_of_a_table(tmp_path: Path) -> None:
-    """Clearances alone differ: the dimensionless ends of one range in rpm do so for no other reason."""
-    words = ("linearize.units=si", "linearize.speed_range=[13000, 24000]")
+def test_a_key_of_one_value_in_si_units_is_no_input_of_a_table(tmp_path: Path) -> None:
+    """Clearances alone differ: dimensionless ends, strokes and steps do so for no other reason."""
+    words = (
+        *("linearize.units=si", "linearize.speed_range=[13000, 24000]"),
+        *("excitation.units=si", "excitation.frequency=150", "excitation.displacement=2"),
+        *("continue_cycles.units=si", "continue_cycles.range=[13000, 24000]", "continue_cycles.start=18000"),
+        *("continue_cycles.step=300", "continue_cycles.minimum_step=0.1", "continue_cycles.maximum_step=600"),
+    )
     cases = read_cases(CONFIG.read_text(), "smoke.toml", (*words, "sweep.bearings.clearance=[19e-6, 22e-6]"))
     prepare_store(tmp_path / "a.zarr", cases, ["agfb"])
     opened = open_for_reading(tmp_path / "a.zarr")
     ranges = {case.case.linearize.speed_range for case in cases}
-    assert len(ranges) == 2
+    assert len(ranges) == len({case.case.excitation.displacement for case in cases}) == 2
     table = case_table(opened, [case.case_id for case in cases])
     assert [column.name for column in table.inputs] == ["bearings.clearance"]

@@ -128,10 +128,19 @@ def test_modes_are_one_long_table(linear_store: Path, tmp_path: Path) -> None:
         assert float(row["frequency"]) == followed["frequency"][index, int(row["mode"]) - 1]
 
 
+def units_of_coefficients() -> tuple[float, float]:
+    """p0 R L / c in N/m, and that times t0 in N s/m, from the configuration; both bearings are equal."""
+    case = tiny_case().case
+    bearing = case.bearings[0]
+    stiffness = case.gas.ambient_pressure * bearing.radius * bearing.length / bearing.clearance
+    return stiffness, stiffness * case.scales.time
+
+
 def test_coefficients_are_one_long_table_for_each_bearing(linear_store: Path, tmp_path: Path) -> None:
     store = open_for_reading(linear_store)
     export_case(store, "smoke", tmp_path, "csv", full=False)
     group = read_group(store, "cases/smoke/coefficients")
+    _, damping_unit = units_of_coefficients()
     for bearing in (0, 1):
         rows = read_long(tmp_path / f"smoke-coefficients-bearing_{bearing + 1}.csv")
         assert [(float(row["speed"]), float(row["frequency"])) for row in rows] == [
@@ -140,23 +149,25 @@ def test_coefficients_are_one_long_table_for_each_bearing(linear_store: Path, tm
         found = np.array([[float(row[f"k{entry}"]) for entry in ("xx", "xy", "yx", "yy")] for row in rows])
         np.testing.assert_array_equal(found, group["stiffness"][:, :, bearing].reshape(-1, 4))
         in_si = np.array([float(row["cxy_ns_per_m"]) for row in rows])
-        expected = group["damping"][:, :, bearing, 0, 1].ravel() * group["damping_unit"][bearing]
-        np.testing.assert_allclose(in_si, expected, rtol=1e-15)
+        expected = group["damping"][:, :, bearing, 0, 1].ravel() * damping_unit
+        np.testing.assert_allclose(in_si, expected, rtol=1e-13)
 
 
 def test_bearings_of_ross_hold_tables_over_speed_and_frequency(linear_store: Path, tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["export", str(linear_store), "-o", str(tmp_path), "--format", "ross"])
     assert done.exit_code == 0, done.output
     group = read_group(open_for_reading(linear_store), "cases/smoke/coefficients")
+    stiffness_unit, _ = units_of_coefficients()
+    time = tiny_case().case.scales.time
     for bearing in (0, 1):
         text = (tmp_path / f"smoke-coefficients-bearing_{bearing + 1}-ross.toml").read_text()
         ((name, table),) = tomllib.loads(text).items()
         assert name == f"BearingElement_{table['tag']}"
         assert table["n"] == group["bearing_node"][bearing]
-        np.testing.assert_allclose(table["speed"], group["speed_rpm"] * 2 * np.pi / 60, rtol=1e-14)
-        np.testing.assert_allclose(table["frequency"], group["frequency_hertz"] * 2 * np.pi, rtol=1e-14)
-        expected = group["stiffness"][:, :, bearing, 1, 0] * group["stiffness_unit"][bearing]
-        np.testing.assert_allclose(table["kyx"], expected, rtol=1e-15)
+        np.testing.assert_allclose(table["speed"], group["speed"] / time, rtol=1e-14)
+        np.testing.assert_allclose(table["frequency"], group["frequency"] / time, rtol=1e-14)
+        expected = group["stiffness"][:, :, bearing, 1, 0] * stiffness_unit
+        np.testing.assert_allclose(table["kyx"], expected, rtol=1e-13)
 
 
 def test_without_coefficients_there_is_nothing_for_ross(finished: Path, tmp_path: Path) -> None:

@@ -141,13 +141,9 @@ def coefficients() -> Arrays:
     stiffness[1], damping[1] = np.nan, np.nan
     return {
         "speed": speed,
-        "speed_rpm": speed * SCALES["speed_rpm_per_unit"],
         "frequency": frequency,
-        "frequency_hertz": frequency * SCALES["hertz_per_unit"],
         "stiffness": stiffness,
         "damping": damping,
-        "stiffness_unit": np.array([1.1e6, 1.1e6]),
-        "damping_unit": np.array([570.0, 570.0]),
         "bearing_node": np.array([2, 12], dtype=np.int32),
     }
 

@@ -12,6 +12,7 @@ from pipelines.datasets.branch import open_branch
 from pipelines.datasets.case_table import CaseTable, case_table
 from pipelines.datasets.schema import KINDS
 from pipelines.datasets.store import Store, open_for_writing
+from pipelines.figures.bifurcation_diagram import EVENT_MARKS
 from pipelines.figures.changes import BASE, change_panels, draw_changes
 from pipelines.figures.drawing import draw_figures
 from pipelines.stages.scheduling.preparation import prepare_store
@@ -91,7 +92,7 @@ def test_the_figure_shows_every_speed_and_the_base(table: CaseTable) -> None:
         drawn = {
             float(line.get_xdata()[0])  # type: ignore[index]
             for line in axes.lines
-            if line.get_marker() in ("o", "s")
+            if line.get_marker() in [mark.marker for mark in EVENT_MARKS.values()]
         }
         assert drawn == {each.speed for each in panel.changes if np.isfinite(each.speed)}
         assert ("none" in {text.get_text() for text in axes.texts}) == (panel is panels[0])

@@ -20,17 +20,14 @@ from pipelines.datasets.failures import Failure, record_failure
 from pipelines.datasets.reading import describe_case, list_cases, read_group
 from pipelines.datasets.store import Store, create_store, open_for_reading
 from pipelines.figures.case_tables import read_case
-from pipelines.figures.contents import Table
-from pipelines.figures.drawing import planes_of
 from pipelines.figures.page.case_section import Conclusions, ToldTable
 from pipelines.figures.page.elements import embedded
-from pipelines.figures.page.linear_section import logarithmic_decrement, modes_at
 from pipelines.figures.page.report_page import report_page
 from pipelines.figures.page.stability_plane import POINTS_PER_INCH, axes_frame, draw_cycle_plane, placed
 from pipelines.figures.page.stored_cycles import MULTIPLIERS, SAMPLES, StoredCycles, stored_cycles
 from pipelines.figures.page.warnings import ADDED_BY, warnings
-from pipelines.figures.stability_map import draw_stability_map
-from tests.figures.synthetic_store import SCALES, cycles, machine, make_store, write_branch
+from pipelines.figures.stability_map import draw_stability_map, planes_of
+from tests.figures.synthetic_store import SCALES, cycles, linear, machine, make_store, write_branch
 from tests.helpers.curves import curve_rows, oval, write_curve
 from tests.helpers.surveys import write_survey
 
@@ -112,7 +109,7 @@ def test_it_is_well_formed_and_refers_to_nothing_outside(page: str) -> None:
     assert [link for link in links if not link.startswith("#")] == []
     assert {link.removeprefix("#") for link in links} <= set(identifiers)
     images = outline.attribute("src")
-    assert len(images) == 6  # machine, Campbell diagram, Bode plot, map, branches, survey
+    assert len(images) == 7  # machine, operating point, Campbell diagram, Bode plot, map, branches, survey
     for image in images:
         drawing = b64decode(image.removeprefix("data:image/svg+xml;base64,")).decode()
         assert all(
@@ -183,7 +180,7 @@ def test_the_overlay_lies_where_the_figure_draws(whole: Store, with_curves: bool
     held = read_case(whole, "kb10", ("machine", "curve"), _quiet, [])
     assert held is not None
     if with_curves:
-        (plane,) = planes_of(held)
+        (plane,) = planes_of(held.curves, held.single)
         figure: Figure = draw_stability_map(held.view, plane)
     else:
         found = StoredCycles([{"x": 0.3, "y": 0.5}, {"x": 0.9, "y": 1.1}], 2)
@@ -310,30 +307,34 @@ def test_warnings_name_reason_and_advice_and_groups_alike_once(tmp_path: Path) -
     assert [each for each in warnings_of(store) if "cycles/b000: not complete" in each]
 
 
-def test_modes_at_a_speed_are_exact_for_straight_lines() -> None:
-    speed = np.linspace(0.0, 1.0, 11)
-    frequency = np.column_stack([0.3 + 0.2 * speed, 1.0 - 0.5 * speed])
-    frequency[5, 1] = np.nan
-    direction = np.repeat(np.where(speed < 0.45, "backward", "forward")[:, None], 2, axis=1)
-    table = Table(
-        {"speed": speed, "frequency": frequency, "damping_ratio": 0.1 * frequency, "direction": direction}
-    )
-    for at in (0.0, 0.13, 0.4, 0.77, 1.0):
-        found, damping, way = modes_at(table, at)
-        assert found[0] == pytest.approx(0.3 + 0.2 * at, abs=1e-14)
-        assert damping[0] == pytest.approx(0.03 + 0.02 * at, abs=1e-14)
-        assert way[0] == ("backward" if at < 0.45 else "forward")
-    assert modes_at(table, 0.4)[0][1] == pytest.approx(0.8), "at a row its unknown neighbour does not matter"
-    assert np.isnan(modes_at(table, 0.43)[0][1])
+@pytest.mark.parametrize(
+    ("attributes", "told"),
+    [
+        ({"instability_speed": 0.9}, "loses its stability at the speed 0.9000"),
+        ({"instability_speed": 0.9, "unstable_from_start": True}, "unstable at the lowest speed too"),
+        ({"unstable_from_start": True}, "unstable from the lowest speed on"),
+        ({"instability_between": [0.4, 0.5]}, "between the speeds 0.4 and 0.5, where some speeds have no"),
+        ({}, "nowhere between the speeds 0.2 and 0.8"),
+    ],
+)
+def test_the_page_says_what_is_known_of_the_instability(
+    tmp_path: Path, attributes: dict[str, Any], told: str
+) -> None:
+    """A speed without equilibrium at the end does not count as stable."""
+    store = make_store(tmp_path / "a.zarr", parts=("machine",))
+    arrays = linear(4)
+    arrays["speed"] = np.array([0.2, 0.5, 0.8, 1.1])
+    arrays["minimum_film"][-1] = np.nan
+    write_group(store, "cases/kb10/linear", "linear", arrays, attributes)
+    assert told in " ".join(Outline(page_of(store)).text_of("p"))
 
 
-def test_the_logarithmic_decrement_is_what_a_period_loses() -> None:
-    eigenvalue = -0.05 + 0.7j
-    ratio = -eigenvalue.real / abs(eigenvalue)
-    lost = -eigenvalue.real * 2.0 * np.pi / eigenvalue.imag
-    assert logarithmic_decrement(ratio) == pytest.approx(lost, rel=1e-14)
-    assert logarithmic_decrement(-ratio) == pytest.approx(-lost, rel=1e-14)
-    assert logarithmic_decrement(1.0) is None
+def test_the_modes_of_the_page_are_those_of_the_stored_operating_point(tmp_path: Path) -> None:
+    store = make_store(tmp_path / "a.zarr", parts=("machine", "operating_point"))
+    point = read_group(store, "cases/kb10/operating_point")
+    cells = Outline(page_of(store)).text_of("td")
+    for value in (*point["frequency_hertz"], *point["logarithmic_decrement"]):
+        assert f"{value:.5g}" in cells
 
 
 # in a browser

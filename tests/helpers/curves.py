@@ -15,7 +15,7 @@ from pipelines.datasets.store import Store, create_store
 
 Arrays = dict[str, NDArray[Any]]
 SCALES = {
-    "time": 5e-4,
+    "time": 1.0 / (2.0 * np.pi * 300.0),
     "displacement": 2e-5,
     "pressure": 1e5,
     "speed_rpm_per_unit": 18000.0,

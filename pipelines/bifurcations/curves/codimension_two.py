@@ -26,7 +26,7 @@ import numpy as np
 
 from pipelines.bifurcations.critical.critical_cycles import Critical
 from pipelines.bifurcations.curve import SpecialKind, SpecialPoint, TongueSide
-from pipelines.bifurcations.detection import EventKind, signed_smallest
+from pipelines.bifurcations.detection import EventKind, signed_smallest, unstable_count
 from pipelines.bifurcations.normal_forms.coefficients import NormalForm
 from pipelines.orbits.floquet import Complex, nontrivial
 from pipelines.orbits.system import Vector
@@ -58,6 +58,11 @@ def other_multipliers(kind: EventKind, multipliers: Complex, cos_theta: float, a
     for value in critical:
         rest = np.delete(rest, int(np.argmin(np.abs(rest - value))))
     return rest
+
+
+def unstable_others(kind: EventKind, multipliers: Complex, cos_theta: float, autonomous: bool) -> int:
+    """Number of the other multipliers outside the unit circle."""
+    return unstable_count(other_multipliers(kind, multipliers, cos_theta, autonomous), False)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """Special points that a curve passes twice within one step, so that the tests have equal signs at its ends.
 
 cos theta is known with its slope at both ends of a step, and a cubic shows where it may leave [-1, 1]. There
-a Neimark-Sacker curve ends, so that the first passage must be found however shallow it is.  Of the other
-tests the parabola through their last three values tells where they may dip through zero.
+a Neimark-Sacker curve ends unless the error of the multipliers hides the passage (``tongues``), so that
+shallow ones must be found too.  Of the other tests the parabola through their last three values tells where
+they may dip through zero.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from pipelines.bifurcations.critical.correction import CurveConstraint
 from pipelines.bifurcations.critical.corrector import correct_critical
 from pipelines.bifurcations.critical.critical_cycles import BorderingVectors
 from pipelines.bifurcations.curve import CurveOptions, CurveState, SpecialPoint
-from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end, without_rounding
+from pipelines.bifurcations.curves.codimension_two import crossed, resonant_end
 from pipelines.bifurcations.curves.first_point import columns_of, curve_metric
 from pipelines.bifurcations.curves.segment import CurveEnd, CurveStep, curve_end, with_normal_form
 from pipelines.bifurcations.detection import EventKind
@@ -63,7 +63,7 @@ def attempt_past_kinks(
         step = _on_smoother_map(problem, state, options, attempt, advance) or step
     if isinstance(step, Rejected) or step.begin.clipping_width == 0.0:
         return step
-    return _back_to_exact_map(problem, step, options) or _with_effect(problem, step, options)
+    return _beside_exact_map(problem, step, options)
 
 
 def short_step(options: CurveOptions) -> float:
@@ -164,47 +164,41 @@ def _state_with_width(
     )
 
 
-def _back_to_exact_map(problem: CurveProblem, step: CurveStep, options: CurveOptions) -> CurveStep | None:
-    """A step whose end lies on the curve of the exact map; None where that is not found, or near the kink.
-
-    The last point of a curve stays where it ends.
-    """
-    begin, point = step.begin, step.point
-    length = adapted_length(begin.step, point.newton_iterations, options)
-    if length < min(_RECOVERED * short_step(options), options.maximum_step):
-        return None
-    metric = curve_metric(problem, options, begin.start)
-    at_end = replace(begin, step=length, **columns_of(problem, step.end))
-    leaves = leaves_ranges(at_end.parameters, at_end.tangent_parameters, options.ranges)
-    resonant = resonant_end(problem.kind, at_end.cos_theta) is not None
-    if leaves or resonant or returned(begin, at_end.position, metric):
-        return None
-    end = _exact_end(problem, at_end, options)
-    if end is None:
-        return None
-    end = with_normal_form(end, metric, options.normal_form)
-    effort = {name: getattr(point, name) for name in ("newton_iterations", "step_error", "unlocated")}
+def _beside_exact_map(problem: CurveProblem, step: CurveStep, options: CurveOptions) -> CurveStep:
+    """The step with its end on the curve of the exact map, else with the effect of the width there."""
+    length = adapted_length(step.begin.step, step.point.newton_iterations, options)
+    at_end = replace(step.begin, step=length, **columns_of(problem, step.end))
+    exact = _exact_end(problem, at_end, options)
+    if exact is None or not _may_go_back(problem, step.begin, at_end, options):
+        return _with_effect(problem, step, at_end, exact, options)
+    end = with_normal_form(exact, curve_metric(problem, options, step.begin.start), options.normal_form)
+    effort = {name: getattr(step.point, name) for name in ("newton_iterations", "step_error", "unlocated")}
     return replace(step, end=replace(end, point=replace(end.point, **effort)))
 
 
-def _with_effect(problem: CurveProblem, step: CurveStep, options: CurveOptions) -> CurveStep:
-    """The step with the width and its effect in its point."""
-    width = step.begin.clipping_width
-    effect = _width_effect(problem, replace(step.begin, **columns_of(problem, step.end)), options)
+def _may_go_back(problem: CurveProblem, begin: CurveState, at_end: CurveState, options: CurveOptions) -> bool:
+    """Whether a step ends far enough behind a kink; the last point of a curve stays where it ends."""
+    if at_end.step < min(_RECOVERED * short_step(options), options.maximum_step):
+        return False
+    leaves = leaves_ranges(at_end.parameters, at_end.tangent_parameters, options.ranges)
+    resonant = resonant_end(problem.kind, at_end.cos_theta) is not None
+    closed = returned(begin, at_end.position, curve_metric(problem, options, begin.start))
+    return not (leaves or resonant or closed)
+
+
+def _with_effect(
+    problem: CurveProblem, step: CurveStep, at_end: CurveState, exact: CurveEnd | None, options: CurveOptions
+) -> CurveStep:
+    """The step with the width in its point, and the distance of its end from the curve of the exact map.
+
+    Measured where the ``exact`` point beside it is known, else estimated; NaN where neither is possible.
+    """
+    width, beside, factor = step.begin.clipping_width, exact, 1.0
+    if beside is None:
+        beside, factor = _moved(problem, at_end, options, 0.5 * width), 2.0
+    effect = math.nan if beside is None else factor * _distance(at_end, beside, options)
     point = replace(step.point, clipping_width=width, width_effect=effect)
     return replace(step, end=replace(step.end, point=point))
-
-
-def _width_effect(problem: CurveProblem, state: CurveState, options: CurveOptions) -> float:
-    """Distance of a state from the curve of the exact map in the plane of the parameters.
-
-    Measured where that curve is found beside it, else estimated; NaN where neither is possible.
-    """
-    exact = _exact_end(problem, state, options)
-    if exact is not None:
-        return _distance(state, exact, options)
-    half = _moved(problem, state, options, 0.5 * state.clipping_width)
-    return math.nan if half is None else 2.0 * _distance(state, half, options)
 
 
 def _exact_end(problem: CurveProblem, state: CurveState, options: CurveOptions) -> CurveEnd | None:
@@ -255,7 +249,7 @@ def _is_same_curve(
     near = apart <= _NEAR * max(state.step, short_step(options), back)
     own, other = (_critical_plane(problem, each) for each in (state, end.bordering))
     alike = float(np.linalg.svd(own.T @ other, compute_uv=False)[-1]) >= _ALIKE
-    return near and alike and not crossed(without_rounding(state.tests), without_rounding(end.tests))
+    return near and alike and not crossed(state.tests, end.tests)
 
 
 def _critical_plane(problem: CurveProblem, held: CurveState | BorderingVectors) -> Matrix:

@@ -101,7 +101,7 @@ def curve_end(
     tangent, normal, gradient, cos_theta_slope = directions
     bordering = next_bordering(found.linear.basis, found.critical)
     point = _point(correction, found)
-    tests = _tests(found, point.cycle.spectrum, constraint.metric)
+    tests = _tests(found, point.cycle.spectrum, _fold_curvature(found, constraint.metric))
     found = found.without_factors()
     return CurveEnd(
         found, point, found.position, tangent, normal, gradient, bordering, tests, cos_theta_slope
@@ -118,14 +118,14 @@ def _with_left(found: CriticalCycle, precise: bool) -> CriticalCycle:
     return replace(found, critical=with_sharp_left(found.linear, found.critical, left))
 
 
-def _tests(found: CriticalCycle, spectrum: FloquetSpectrum, metric: PlaneMetric) -> Vector:
+def _tests(found: CriticalCycle, spectrum: FloquetSpectrum, curvature: float) -> Vector:
     """The tests of special points at a corrected point, without those of normal forms."""
     linear = found.linear
     return special_tests(
         linear.at.problem.kind,
         spectrum.multipliers,
         found.critical,
-        _fold_curvature(found, metric),
+        curvature,
         linear.scale,
         linear.at.problem.period_map.autonomous,
     )
@@ -353,13 +353,14 @@ class SegmentPoints:
         return resonance_tests(self.segment.end.point.cos_theta)[special]
 
     def _tests(self, fraction: float, special: SpecialKind) -> Vector:
-        """The tests at a fraction, of which one is sharp: it needs no tangents."""
+        """The tests at a fraction, of which that of ``special`` is sharp: it needs no tangents."""
         correction, point, anchor = self._at(fraction)
         point = _with_multipliers(point, anchor.bordering, True)
         if special in (SpecialKind.R1, SpecialKind.R2):
             point = _with_left(point, True)
         self._corrected[fraction] = correction, point, anchor
-        return _tests(point, floquet_spectrum(point.basis, point.linear.image.columns), self.segment.metric)
+        curvature = _fold_curvature(point, self.segment.metric) if special is SpecialKind.CUSP else np.nan
+        return _tests(point, floquet_spectrum(point.basis, point.linear.image.columns), curvature)
 
     def _at(self, fraction: float) -> tuple[CurveCorrection, CriticalCycle, Anchor]:
         if fraction not in self._corrected:

@@ -86,7 +86,7 @@ def both_sides(
     was located; ``width``: of the final bracket of the far side, in arclength.
     """
     side = replace(near, tongue=TongueSide.NEAR)
-    if abs(bracket.tests[1]) < _ARRIVED and _depth_by_slope(points, bracket) <= hidden_depth(points):
+    if _ends_on_near_side(bracket) and _depth_by_slope(bracket) <= hidden_depth(points):
         return None
     try:
         behind, guess = _far_bracket(points, bracket, near.fraction)
@@ -117,8 +117,8 @@ def _far_bracket(points: SegmentPoints, bracket: Bracket, near: float) -> tuple[
     inside, value = bracket.fractions[1], bracket.tests[1]
     if bracket.touching:
         return Bracket(special, (inside, 1.0), (value, points.test_at_end(special))), 2.0 * inside - near
-    if abs(value) < _ARRIVED:  # the step ends on the near side
-        slope, bend = _slope_and_bend(points, bracket)
+    if _ends_on_near_side(bracket):
+        slope, bend = _slope_and_bend(bracket)
         end = near - slope / bend if slope < 0.0 < bend else np.nan
         if not end <= near + _REACH:
             return None, end
@@ -139,20 +139,24 @@ def _far_bracket(points: SegmentPoints, bracket: Bracket, near: float) -> tuple[
     return None, end
 
 
-def _slope_and_bend(points: SegmentPoints, bracket: Bracket) -> tuple[float, float]:
+def _ends_on_near_side(bracket: Bracket) -> bool:
+    """Whether the end of the segment is the near side of the tongue."""
+    return not bracket.touching and abs(bracket.tests[1]) < _ARRIVED
+
+
+def _slope_and_bend(bracket: Bracket) -> tuple[float, float]:
     """s and c of f = (x - 1)(s + c (x - 1)) for a tongue that begins at the end x = 1 of a segment.
 
     From the value at x = 0 and the slope at x = 1.
     """
-    end = points.segment.end
-    sign = -1.0 if bracket.special is SpecialKind.R1 else 1.0
-    slope = sign * end.cos_theta_slope * points.segment.length
+    assert bracket.slopes is not None
+    slope = bracket.slopes[1]
     return slope, bracket.tests[0] + slope
 
 
-def _depth_by_slope(points: SegmentPoints, bracket: Bracket) -> float:
+def _depth_by_slope(bracket: Bracket) -> float:
     """The depth D = s^2/4c of such a tongue."""
-    slope, bend = _slope_and_bend(points, bracket)
+    slope, bend = _slope_and_bend(bracket)
     return slope**2 / (4.0 * bend) if bend > 0.0 else np.inf
 
 

@@ -170,18 +170,24 @@ class _Tori(Tracer[TorusState, _Step]):
         message = refusal(metric, tangent_before, chord, tangent, rule, segment.missed_at)
         if message is not None:
             return Rejected(message)
-        torus, spectrum = converged_spectrum(problem, torus)
-        point = TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms)
-        events = self._events(segment, state, spectrum) if self.options.events else ()
-        return _Step(point, tangent, segment.length, events)
+        return self._accepted(state, segment, torus, correction)
 
-    def _events(
-        self, segment: TorusSegment, state: TorusState, spectrum: TorusSpectrum
-    ) -> tuple[TorusEvent, ...]:
-        """The bifurcations on the step from a state; ``spectrum``: at its end."""
-        before = TorusTests(state.moduli, state.unstable, state.tangent_parameter)
-        after = TorusTests.of(spectrum, segment.end_tangent)
-        return find_events(segment, before, after, spectrum, state.arclength, self.options.event_tolerance)
+    def _accepted(
+        self,
+        state: TorusState,
+        segment: TorusSegment,
+        torus: Torus,
+        correction: TorusCorrection,
+        leapt: bool = False,
+    ) -> _Step:
+        """The step along a segment from a state to a torus, with its spectrum and bifurcations."""
+        torus, spectrum = converged_spectrum(self.problem, torus)
+        point = TorusPoint(torus, spectrum, correction.residual_norms, correction.update_norms)
+        events: tuple[TorusEvent, ...] = ()
+        if self.options.events:
+            before = TorusTests(state.moduli, state.unstable, state.tangent_parameter)
+            events = find_events(segment, before, spectrum, state.arclength, self.options.event_tolerance)
+        return _Step(point, segment.end_tangent, segment.length, events, leapt)
 
     def advance(self, state: TorusState, step: _Step) -> TorusState:
         """The state after an accepted step; the step length follows the count of the corrector."""
@@ -204,31 +210,25 @@ class _Tori(Tracer[TorusState, _Step]):
             length = (rotation - state.rotation) / state.tangent_rotation
             if length > _LONGEST_LEAP * self.options.maximum_step:
                 return None
-            torus = self._torus_with_rotation(state, rotation, length)
-            if torus is not None and (step := self._landed(state, torus)) is not None:
+            guess = state.unknowns.plus(state.tangent, length)
+            row = TorusUnknowns(np.zeros_like(guess.states), 1.0, 0.0)
+            correction = correct_torus(
+                self.problem, guess, Constraint(row, rotation), state.slow_bases, state.unknowns.states
+            )
+            if (step := self._landed(state, correction)) is not None:
                 return step
         return None
 
-    def _torus_with_rotation(self, state: TorusState, rotation: float, length: float) -> Torus | None:
-        """The torus with a rotation, guessed a length ahead of a state; None where it is rough or absent."""
-        guess = state.unknowns.plus(state.tangent, length)
-        low, high = self.options.range
-        row = TorusUnknowns(np.zeros_like(guess.states), 1.0, 0.0)
-        correction = correct_torus(
-            self.problem, guess, Constraint(row, rotation), state.slow_bases, state.unknowns.states
-        )
-        torus = correction.torus
-        if torus is None or correction.rough or not low <= torus.unknowns.parameter <= high:
-            return None
-        return torus
-
-    def _landed(self, state: TorusState, torus: Torus) -> _Step | None:
+    def _landed(self, state: TorusState, correction: TorusCorrection) -> _Step | None:
         """The step to a torus beyond a resonance; None where the branch does not lead there.
 
         Beside a resonance the angle runs unevenly, so that tangents tell nothing of the step; but parameter
         and rotation must proceed as before, and the torus must be near.
         """
-        problem, metric = self.problem, self.metric
+        problem, metric, torus = self.problem, self.metric, correction.torus
+        low, high = self.options.range
+        if torus is None or correction.rough or not low <= torus.unknowns.parameter <= high:
+            return None
         before, old = state.unknowns.resampled(torus.count), state.tangent.resampled(torus.count)
         chord = torus.unknowns.minus(before)
         tangent = torus_tangent(problem, torus, metric.row(chord), torus.unknowns.states)
@@ -239,11 +239,8 @@ class _Tori(Tracer[TorusState, _Step]):
         proceeds = all(one.parameter * old.parameter > 0.0 for one in (chord, tangent))
         if not proceeds or metric.norm(chord) > _LONGEST_LEAP * self.options.maximum_step:
             return None
-        torus, spectrum = converged_spectrum(problem, torus)
         segment = TorusSegment(problem, metric, before, old, torus.unknowns, tangent, state.slow_bases)
-        events = self._events(segment, state, spectrum) if self.options.events else ()
-        point = TorusPoint(torus, spectrum, (torus.residual,), ())
-        return _Step(point, tangent, segment.length, events, leapt=True)
+        return self._accepted(state, segment, torus, correction, leapt=True)
 
     def _predict_and_correct(self, state: TorusState) -> TorusCorrection:
         """Correct the tangent prediction on the arclength row.

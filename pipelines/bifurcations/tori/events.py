@@ -50,18 +50,17 @@ class TorusEventKind(Enum):
 class TorusEvent:
     """A bifurcation of tori.
 
-    ``unknowns``: the torus there; ``moduli``: of its multipliers; ``fraction`` of its step; ``arclength``
-    from the first point of the branch; ``destabilises``: whether fewer multipliers were unstable before it;
-    ``residual``: of the test function, NaN where it was detected but not located: then the torus is the one
-    behind it.
+    ``unknowns``: the torus there; ``moduli``: of its multipliers; ``arclength`` from the first point of the
+    branch; ``destabilises``: whether fewer multipliers are unstable before its step than behind it, None
+    where these numbers are equal or one is not known; ``residual``: of the test function, NaN where it was
+    detected but not located: then the torus is the one behind it.
     """
 
     kind: TorusEventKind
     unknowns: TorusUnknowns
     moduli: Vector
-    fraction: float
     arclength: float
-    destabilises: bool
+    destabilises: bool | None
     residual: float
 
 
@@ -85,20 +84,16 @@ def unstable_number(spectrum: TorusSpectrum) -> int:
 
 
 def find_events(
-    segment: TorusSegment,
-    before: TorusTests,
-    after: TorusTests,
-    end: TorusSpectrum,
-    arclength: float,
-    tolerance: float,
+    segment: TorusSegment, before: TorusTests, end: TorusSpectrum, arclength: float, tolerance: float
 ) -> tuple[TorusEvent, ...]:
     """The bifurcations on a segment, along the branch.
 
-    ``end``: the spectrum at the end of the segment; ``arclength``: of its start; ``tolerance``: of the
-    places, in arclength.
+    ``before``: what its start tells; ``end``: the spectrum at its end; ``arclength``: of its start;
+    ``tolerance``: of the places, in arclength.
     """
+    after = TorusTests.of(end, segment.end_tangent)
     search = _Search(segment, before, after, end, arclength, max(tolerance / segment.length, 1e-14))
-    return tuple(sorted(search.events(), key=lambda event: event.fraction))
+    return tuple(sorted(search.events(), key=lambda event: event.arclength))
 
 
 @dataclass(frozen=True)
@@ -124,31 +119,35 @@ class _Search:
         while index < last:
             event = self._located(index)
             index += 2 if event.kind is TorusEventKind.HOPF else 1
-            if not (
-                turned and event.kind is TorusEventKind.BRANCH_POINT
-            ):  # that is the fold's own multiplier
+            folds_own = turned and event.kind is TorusEventKind.BRANCH_POINT
+            if not folds_own:
                 yield event
 
     def _located(self, index: int | None) -> TorusEvent:
         """The bifurcation at which the modulus number ``index`` is one; None: the fold."""
-        tori: dict[float, tuple[Torus, TorusSpectrum]] = {}
+        tested: dict[float, tuple[Torus, TorusSpectrum, float]] = {}
 
         def test(fraction: float) -> float:
-            tori[fraction] = self._torus_at(fraction)
-            torus, spectrum = tori[fraction]
-            if index is not None:
-                return _logarithm(spectrum.moduli, index)
-            tangent = self.segment.tangent_of(torus)
-            if tangent is None:
-                raise _NotLocatedError
-            return tangent.parameter
+            if fraction not in tested:
+                torus, spectrum = self._torus_at(fraction)
+                tested[fraction] = torus, spectrum, self._test(torus, spectrum, index)
+            return tested[fraction][2]
 
         try:
             fraction = zero(test, *self._ends(index), self.width)
-            torus, spectrum = tori[fraction] if fraction in tori else self._torus_at(fraction)
-            return self._event(index, torus.unknowns, spectrum, fraction, abs(test(fraction)))
+            value = test(fraction)
         except _NotLocatedError:
             return self._event(index, self.segment.end, self.end, 1.0, math.nan)
+        torus, spectrum, _ = tested[fraction]
+        return self._event(index, torus.unknowns, spectrum, fraction, abs(value))
+
+    def _test(self, torus: Torus, spectrum: TorusSpectrum, index: int | None) -> float:
+        if index is not None:
+            return _logarithm(spectrum.moduli, index)
+        tangent = self.segment.tangent_of(torus)
+        if tangent is None:
+            raise _NotLocatedError
+        return tangent.parameter
 
     def _ends(self, index: int | None) -> tuple[Node, Node]:
         ends = self.before, self.after
@@ -177,9 +176,13 @@ class _Search:
         residual: float,
     ) -> TorusEvent:
         kind = TorusEventKind.FOLD if index is None else critical_kind(spectrum, index, unknowns.rotation)
-        rising = self.after.unstable > self.before.unstable
         arclength = self.arclength + fraction * self.segment.length
-        return TorusEvent(kind, unknowns, spectrum.moduli, fraction, arclength, rising, residual)
+        return TorusEvent(kind, unknowns, spectrum.moduli, arclength, self._destabilises(), residual)
+
+    def _destabilises(self) -> bool | None:
+        """Whether more multipliers are unstable at the end; None where their numbers do not tell."""
+        before, after = self.before.unstable, self.after.unstable
+        return None if UNDECIDED in (before, after) or before == after else after > before
 
 
 class _NotLocatedError(Exception):
@@ -206,10 +209,8 @@ def critical_kind(spectrum: TorusSpectrum, index: int, rotation: float) -> Torus
     phase = abs(cmath.phase(critical))
     if phase <= _REAL:
         return TorusEventKind.BRANCH_POINT
-    turned = (
-        abs(cmath.phase(critical**2 * cmath.exp(1j * rotation))),
-        abs(cmath.phase(critical**2 * cmath.exp(-1j * rotation))),
-    )
-    if math.pi - phase <= _REAL or min(turned) <= 2.0 * _REAL:
+    # on a Moebius band mu^2 = e^(+-i rho)
+    turned = min(abs(cmath.phase(critical**2 * cmath.exp(sign * rotation))) for sign in (1j, -1j))
+    if math.pi - phase <= _REAL or turned <= 2.0 * _REAL:
         return TorusEventKind.PERIOD_DOUBLING
     return TorusEventKind.UNKNOWN

@@ -38,9 +38,10 @@ class TorusSegment(CubicPiece[TorusUnknowns]):
         ).torus
 
     def tangent_of(self, torus: Torus) -> TorusUnknowns | None:
-        """The tangent of the branch at one of its tori, towards the end of the segment."""
+        """The unit tangent of the branch at one of its tori, towards the end of the segment."""
         row = self.metric.row(self.chord)
-        return torus_tangent(self.problem, torus, row, reference_curve(self.problem, torus.unknowns))
+        tangent = torus_tangent(self.problem, torus, row, reference_curve(self.problem, torus.unknowns))
+        return None if tangent is None else self.metric.unit(tangent)
 
     def missed_at(self, fraction: float) -> float:
         """Distance of the torus at a fraction from the cubic.

@@ -7,14 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from pipelines.figures.axes import PARAMETER_AXES
-from pipelines.figures.bifurcation_diagram import draw_bifurcation_diagram
+from pipelines.figures.bifurcation_diagram import EVENT_MARKS, draw_bifurcation_diagram
 from pipelines.figures.case_tables import CaseTables
 from pipelines.figures.contents import CaseView, Table
 from pipelines.figures.page import elements
 from pipelines.figures.survey import draw_survey
 
 MOST_ROWS = 40  # of a table of points
-NAMES = {"neimark_sacker": "Neimark-Sacker"}
 
 
 def branches(held: CaseTables) -> list[str]:
@@ -42,7 +41,7 @@ def _events(view: CaseView, name: str, branch: Table) -> list[tuple[elements.Cel
     return [
         (
             f"cycles/{name}",
-            kind_name(str(kind)),
+            EVENT_MARKS[str(kind)].label,
             axis.title,
             float(value),
             f"{elements.number(factor * float(value))} {axis.unit}",
@@ -91,7 +90,7 @@ def _step_errors(title: str, tables: Mapping[str, Table]) -> list[tuple[elements
 def _refined(table: Table) -> str:
     rows: list[tuple[elements.Cell, ...]] = [
         (
-            kind_name(str(table["bifurcation"][row])),
+            EVENT_MARKS[str(table["bifurcation"][row])].label,
             str(table["free"][row]).replace("_", " "),
             float(table["value"][row]),
             float(table["error"][row]),
@@ -101,11 +100,6 @@ def _refined(table: Table) -> str:
     ]
     header = ("bifurcation", "parameter", "stored value", "error", "status")
     return elements.table(header, rows[:MOST_ROWS], _some("Points recomputed on finer grids", rows))
-
-
-def kind_name(kind: str) -> str:
-    """A kind of bifurcation as a reader would write it."""
-    return NAMES.get(kind, kind.replace("_", " "))
 
 
 def _some(caption: str, rows: list[tuple[elements.Cell, ...]]) -> str:

@@ -18,7 +18,7 @@ from pipelines.figures.page.machine_section import inputs, machine, units
 from pipelines.figures.page.stability_plane import map_sections
 from pipelines.figures.page.warnings import ADDED_BY, not_stored, warnings
 
-KINDS = ("machine", *ADDED_BY, "bifurcation_set", "operating_range")
+KINDS = ("machine", *ADDED_BY, "operating_point", "bifurcation_set", "certificate", "operating_range")
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,11 @@ class ToldTable:
 
 @dataclass(frozen=True)
 class Conclusions:
-    """What `agfb report` concludes of a case.
-
-    ``facts``: names and values of the rotor at rest; ``missing``: why there is no operating range.
-    """
+    """What `agfb report` concludes of a case; ``missing``: why there is no operating range."""
 
     sentences: Sequence[str] = ()
     tables: Sequence[ToldTable] = ()
     cautions: Sequence[str] = ()
-    facts: Sequence[tuple[str, str]] = ()
     missing: str = ""
 
 
@@ -63,7 +59,7 @@ def case_section(
         "Conclusions": _conclusions(told),
         "Warnings": [elements.listing(doubts, "warnings") if doubts else elements.paragraph("None.")],
         "Operating point and units": [*inputs(held.view), units(held.view, scales)],
-        "Machine": _drawn(partial(machine, held.view, list(told.facts))),
+        "Machine": _drawn(partial(machine, held.view)),
         "Linear behaviour": _drawn(partial(linear, held.view, held.single)),
         "Stability map": _drawn(partial(map_sections, store, case, held, number, most_cycles)),
         "Branches of cycles": _drawn(partial(branches, held)),

@@ -21,17 +21,29 @@ def inputs(view: CaseView) -> list[str]:
     return [elements.table(header, rows, "Operating point: the case's own parameters")]
 
 
-def machine(view: CaseView, facts: list[tuple[str, str]]) -> list[str]:
-    """Drawing and tables of the machine; ``facts``: further names with values."""
+def machine(view: CaseView) -> list[str]:
+    """Drawing and tables of the machine."""
     if "bearing_node" not in view.machine:
         return []
     drawing = elements.picture(draw_machine(view), f"Rotor and bearings of {view.name} to scale")
-    found = [drawing, _bearings(view)]
-    if facts:
-        found.insert(1, elements.table(("quantity", "value"), facts, "Rotor at rest"))
+    found = [drawing, *_rotor(view), _bearings(view)]
     if len(view.machine.optional("disc_node")):
         found.append(_discs(view))
     return found
+
+
+def _rotor(view: CaseView) -> list[str]:
+    """Mass, centre of gravity and bearing loads; nothing where the store lacks them."""
+    rotor = view.machine.attributes.get("rotor")
+    if rotor is None:
+        return []
+    rows: list[tuple[elements.Cell, ...]] = [
+        ("mass", f"{rotor['mass']:.4g} kg"),
+        ("centre of gravity, from node 0", f"{1e3 * rotor['centre_of_gravity']:.4g} mm"),
+    ]
+    for number, load in enumerate(rotor["bearing_loads"], start=1):
+        rows.append((f"static load of bearing {number}", f"{load:.4g} N"))
+    return [elements.table(("quantity", "value"), rows, "Rotor at rest")]
 
 
 def _bearings(view: CaseView) -> str:

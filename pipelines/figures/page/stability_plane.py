@@ -17,16 +17,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipelines.datasets.reading import list_groups, read_group
-from pipelines.datasets.store import Store, local_name
+from pipelines.datasets.reading import read_group
+from pipelines.datasets.store import Store
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, add_right, add_top, limits
 from pipelines.figures.case_tables import CaseTables
+from pipelines.figures.certificate import draw_certificate, newest_certificate
 from pipelines.figures.contents import CaseView, Table
-from pipelines.figures.drawing import planes_of
 from pipelines.figures.page import elements
-from pipelines.figures.page.stored_cycles import SAMPLES, StoredCycles, stored_cycles
-from pipelines.figures.stability_map import HORIZONTAL_FIRST, draw_stability_map
+from pipelines.figures.page.stored_cycles import SAMPLES, StoredCycles, cycle_groups, stored_cycles
+from pipelines.figures.stability_map import HORIZONTAL_FIRST, draw_stability_map, planes_of
 
 POINTS_PER_INCH = 72.0
 HELP = (
@@ -40,7 +40,7 @@ def map_sections(store: Store, case: str, held: CaseTables, number: int, most: i
 
     ``number`` of the case makes identifiers; ``most``: cycles that a map may hold.
     """
-    planes = planes_of(held)
+    planes = planes_of(held.curves, held.single)
     sections = []
     for place, plane in enumerate(planes, start=1):
         cycles = stored_cycles(store, held.view, case, (plane.x, plane.y), most)
@@ -48,6 +48,9 @@ def map_sections(store: Store, case: str, held: CaseTables, number: int, most: i
         nearest = nearest_boundary(held.single.get("operating_range"), (plane.x, plane.y))
         identifier = f"map-{number}-{place}"
         sections.append(_section(held.view, (plane.x, plane.y), drawn, cycles, identifier, nearest))
+    if (certificate := newest_certificate(held)) is not None:
+        drawn = draw_certificate(held.view, certificate, held.curves)
+        sections.append(elements.picture(drawn, f"Certificate of the bifurcation set of {held.view.name}"))
     if not planes and (of_cycles := _plane_of_cycles(store, case)) is not None:
         cycles = stored_cycles(store, held.view, case, of_cycles, most)
         drawn = draw_cycle_plane(held.view, of_cycles, cycles)
@@ -57,9 +60,7 @@ def map_sections(store: Store, case: str, held: CaseTables, number: int, most: i
 
 def _plane_of_cycles(store: Store, case: str) -> tuple[str, str] | None:
     """The parameter of the first branch of cycles, and the first other one that the machine has."""
-    for name in list_groups(store, case):
-        if not local_name(name).startswith("cycles/"):
-            continue
+    for name in cycle_groups(store, case):
         branch = read_group(store, name, HORIZONTAL_FIRST)
         continued = str(branch.attributes["parameter"])
         others = [other for other in ("speed", *HORIZONTAL_FIRST) if other != continued]

@@ -37,11 +37,10 @@ def stored_cycles(store: Store, view: CaseView, case: str, plane: tuple[str, str
     outside the circle, ``multipliers`` [re, im], ``orbits`` of the journals (x, y, x, y, ... over their own
     clearance), ``film`` smallest thickness of each bearing.
     """
-    groups = [name for name in list_groups(store, case) if local_name(name).startswith("cycles/")]
-    found = [(name, read_group(store, name, ())) for name in groups]
+    found = {name: read_group(store, name, ()) for name in cycle_groups(store, case)}
     inside = [
         (name, row)
-        for name, group in found
+        for name, group in found.items()
         if group.attributes.get("parameter") in plane
         for row in range(group.n_points)
     ]
@@ -52,10 +51,15 @@ def stored_cycles(store: Store, view: CaseView, case: str, plane: tuple[str, str
         chosen.setdefault(name, []).append(row)
     cycles: list[dict[str, Any]] = []
     for name, rows in chosen.items():
-        held = read_group(store, name, ()).attributes["arrays"]
+        held = found[name].attributes["arrays"]
         group = read_group(store, name, [array for array in ARRAYS if array in held])
         cycles += [cycle_data(view, group, row, plane) for row in rows if _has_place(group, row, plane)]
     return StoredCycles(cycles, len(inside))
+
+
+def cycle_groups(store: Store, case: str) -> list[str]:
+    """Full names of the branches of cycles of a case."""
+    return [name for name in list_groups(store, case) if local_name(name).startswith("cycles/")]
 
 
 def _has_place(group: Group, row: int, plane: tuple[str, str]) -> bool:

@@ -16,8 +16,8 @@ EXPECTED = FINISHED | {"limit", "collapsed"}  # ends of a continuation that are 
 
 # Kind of group: what it would add to the page, and the command that computes it.
 ADDED_BY: Mapping[str, tuple[str, str]] = {
-    "linear": ("equilibria and the instability speed", "agfb linearize"),
-    "criticals": ("critical speeds, modes, Campbell diagram", "agfb criticals"),
+    "linear": ("equilibria, the instability speed, modes at the operating speed", "agfb linearize"),
+    "criticals": ("critical speeds, Campbell diagram", "agfb criticals"),
     "unbalance_response": ("unbalance response", "agfb unbalance-response"),
     "cycles": ("branches of cycles", "agfb continue-cycles"),
     "curve": ("bifurcation curves, stability map, operating range, margin", "agfb run"),
@@ -49,6 +49,8 @@ def _about(store: Store, case: str, name: str, state: Mapping[str, Any]) -> Iter
         yield "not complete: it is being computed, or was interrupted; the same command resumes it"
     elif (reason not in EXPECTED) if state["kind"] in FOLLOWED else bool(advice):
         yield f"ended ({reason.replace('_', ' ')})" + (f": {advice}" if advice else "")
+    if state.get("caution"):
+        yield str(state["caution"])
     if state["kind"] == "cycles":
         group = read_group(store, case_group(case, name), ("unexplained",))
         if count := int(np.sum(group.labels("unexplained") == "yes")):

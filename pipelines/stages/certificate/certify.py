@@ -19,7 +19,12 @@ from scipy.stats import beta
 
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.branch import write_group
-from pipelines.datasets.curves import CURVE_CONTAINERS, BifurcationCurve, curves_of_plane
+from pipelines.datasets.curves import (
+    CRITICAL_MULTIPLIERS,
+    CURVE_CONTAINERS,
+    BifurcationCurve,
+    curves_of_plane,
+)
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import parameter_vector
@@ -49,7 +54,6 @@ SEED = 1
 CONFIDENCE = 0.95  # of the largest share of the plane that may disagree
 _MISSES = 4.0  # times the miss of a cycle: by so much its multipliers may be off
 _SAME = 0.02  # distance of a multiplier from the critical one of a curve, below which it is that one
-_EVERY = ("period_doubling", "neimark_sacker", "fold")
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,7 @@ class Request:
     """
 
     lowest_speed: float = 0.0
-    kinds: Sequence[str] = _EVERY
+    kinds: Sequence[str] = tuple(CRITICAL_MULTIPLIERS)
     boundaries: bool = False
     known: Sequence[Asked] = ()
 
@@ -69,7 +73,7 @@ class Request:
         """What the attributes of a group ``bifurcation_set`` say of the curves of a case."""
         return cls(
             float(attributes.get("lowest_speed") or 0.0),
-            tuple(attributes.get("kinds", _EVERY)),
+            tuple(attributes.get("kinds", tuple(CRITICAL_MULTIPLIERS))),
             bool(attributes.get("boundaries", False)),
         )
 

@@ -86,12 +86,12 @@ def passed(count: int, crossing: Crossing) -> Counts:
     """Unstable multipliers behind a crossing of the cycle that has ``count`` of them before it."""
     critical, behind = crossing.curve.critical_multipliers, set[int]()
     for others in crossing.curve.possibly_unstable_at(crossing.arclength):
-        if count == others:
+        if others == UNKNOWN:
+            behind |= {count + critical, count - critical}
+        elif count == others:
             behind.add(others + critical)
         elif count == others + critical:
             behind.add(others)
-        elif others == UNKNOWN:
-            behind |= {count + critical, count - critical}
     return frozenset(number for number in behind if number >= 0)
 
 
@@ -99,7 +99,8 @@ def stability_passed(count: int, crossing: Crossing) -> Counts:
     """The same where 1 stands for any number of unstable multipliers, for curves of stable cycles alone."""
     others = crossing.curve.possibly_unstable_at(crossing.arclength)
     behind = {1 - count} if min(others) <= 0 else set[int]()
-    return frozenset(behind | ({count} if max(others) > 0 else set()))
+    stays = max(others) > 0 or UNKNOWN in others
+    return frozenset(behind | ({count} if stays else set()))
 
 
 def carried(count: int, crossings: Iterable[Crossing], rule: Rule = passed) -> Counts:

@@ -9,7 +9,7 @@ new curve.  With ``bifurcation_set.certify`` the curves are then compared with a
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
@@ -43,7 +43,7 @@ from pipelines.stages.curves.lines import (
     lowest_speed,
     plane_range,
 )
-from pipelines.stages.curves.open_ends import caution, open_ends
+from pipelines.stages.curves.open_ends import OpenEnd, caution, open_ends
 from pipelines.stages.curves.outlook import outlook
 from pipelines.stages.curves.parts import compute_curve, curve_is_needed, curve_parts
 from pipelines.stages.curves.rows import CONTAINERS
@@ -248,10 +248,12 @@ class SearchPlan(Plan):
                 f"{job.case.bifurcation_set.smallest_film:g} of the clearance",
                 "raise the upper end of track_curves.ranges, or lower bifurcation_set.smallest_film",
             )  # fmt: skip
-        if not job.should_stop():
-            discard_all(job)
-            _write(self, self.lowest)
-        return _result(self)
+        if not self.lines or job.should_stop():
+            return StageResult(job.case_id, True, "stopped on request", "", _summary(self, _results(self)))
+        discard_all(job)
+        sentence, ends = _sentence(self), open_ends(job.store, job.case_id)
+        _write(self, self.lowest, sentence, ends)
+        return _result(self, sentence, ends)
 
     def _missing_curves(self) -> Generator[Part, None, bool]:
         """The curves from all `lines` that are missing; returns whether there are any."""
@@ -298,7 +300,7 @@ def _new_curves(job: Job, group: str) -> int:
     return found
 
 
-def _write(plan: SearchPlan, lowest: float) -> None:
+def _write(plan: SearchPlan, lowest: float, sentence: str, ends: Sequence[OpenEnd]) -> None:
     """Write the group that records how the plane was searched."""
     job, lines, case, spec = plan.job, plan.lines, plan.job.case, KINDS[GROUP]
     groups = line_groups(lines)
@@ -328,12 +330,12 @@ def _write(plan: SearchPlan, lowest: float) -> None:
     attributes = {
         "parameters": list(case.track_curves.parameters),
         "ranges": [list(interval) for interval in case.track_curves.ranges],
-        "rounds": lines[-1].round + 1,
-        "covered": _sentence(plan),
+        "rounds": max(line.round for line in lines if not line.asked) + 1,
+        "covered": sentence,
         "kinds": [kind.name.lower() for kind in _kinds(case)],
         "boundaries": case.bifurcation_set.boundaries,
         "complete": plan.complete,
-        "open_ends": [end.as_dict() for end in open_ends(plan.job.store, plan.job.case_id)],
+        "open_ends": [end.as_dict() for end in ends],
         "passive_instability_speed": None if passive is None else passive.speed,
         "lowest_speed": lowest,
     }
@@ -377,19 +379,23 @@ def _sentence(plan: SearchPlan) -> str:
     return f"{_rounds_in_words(plan.lines)}; {told}"
 
 
-def _result(plan: SearchPlan) -> StageResult:
-    """The result of the search: a success if every curve is complete."""
-    job, lines, kinds = plan.job, plan.lines, _kinds(plan.job.case)
-    traced = [kind for kind in EVERY_KIND if kind in kinds or job.groups(CONTAINERS[kind])]
-    results = {CONTAINERS[kind]: curves_result(job, kind) for kind in traced}
-    summary: dict[str, Any] = {"lines": len(lines)}
-    summary |= {f"{name} curves": result.summary["curves"] for name, result in results.items()}
-    advice = [result.advice for result in results.values() if not result.ok]
-    if not lines or job.should_stop():
-        return StageResult(job.case_id, True, "stopped on request", "", summary)
-    sentence = _sentence(plan)
+def _result(plan: SearchPlan, sentence: str, ends: Sequence[OpenEnd]) -> StageResult:
+    """The result of a search that has ended: a success if every curve is complete."""
+    job, results = plan.job, _results(plan)
     ok = all(result.ok for result in results.values())
     doubt = step_errors.caution(step_errors.count_in(job.store, map(job.path, job.groups(*results))))
-    sentences = "; ".join(filter(None, advice))
-    doubts = "; ".join(filter(None, (doubt, caution(open_ends(job.store, job.case_id)))))
-    return StageResult(job.case_id, ok, sentence, sentences, summary, caution=doubts)
+    advice = "; ".join(result.advice for result in results.values() if not result.ok and result.advice)
+    doubts = "; ".join(filter(None, (doubt, caution(ends))))
+    return StageResult(job.case_id, ok, sentence, advice, _summary(plan, results), caution=doubts)
+
+
+def _results(plan: SearchPlan) -> dict[str, StageResult]:
+    """The results of the curves of each kind that there is, by the name of their folder."""
+    job, kinds = plan.job, _kinds(plan.job.case)
+    traced = [kind for kind in EVERY_KIND if kind in kinds or job.groups(CONTAINERS[kind])]
+    return {CONTAINERS[kind]: curves_result(job, kind) for kind in traced}
+
+
+def _summary(plan: SearchPlan, results: Mapping[str, StageResult]) -> dict[str, Any]:
+    curves = {f"{name} curves": result.summary["curves"] for name, result in results.items()}
+    return {"lines": len(plan.lines)} | curves

@@ -15,6 +15,7 @@ from pipelines.case.models import Case
 from pipelines.case.survey_settings import survey_axes
 from pipelines.datasets.curves import CURVE_CONTAINERS
 from pipelines.datasets.records import ENDED
+from pipelines.stages.curves.lines import LINES
 from pipelines.stages.pass_counts import PASSES_PER_CELL, PASSES_PER_CYCLE, passes_per_curve_point
 
 Attributes = Mapping[str, Any]
@@ -49,7 +50,7 @@ class Outlook:
 
 def outlook(case: Case, groups: Mapping[str, Attributes]) -> Outlook:
     """What is left of the search of a case that has some ``groups``, with their attributes by local name."""
-    lines = [each for name, each in groups.items() if name.startswith("cycles/s")]
+    lines = [each for name, each in groups.items() if name.startswith(LINES)]
     halves = [each for name, each in groups.items() if name.split("/")[0] in CURVE_CONTAINERS]
     expected = expected_lines(case, groups)
     number = max(expected[0], len(lines)), max(expected[1], len(lines))

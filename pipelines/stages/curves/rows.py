@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.bifurcations.curve import CurvePoint, CurveState, SpecialKind, SpecialPoint, TongueSide
-from pipelines.bifurcations.curves.codimension_two import other_multipliers
+from pipelines.bifurcations.curves.codimension_two import unstable_others
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
-from pipelines.bifurcations.detection import EventKind, unstable_count
+from pipelines.bifurcations.detection import EventKind
 from pipelines.bifurcations.plane import CurveProblem
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
@@ -32,6 +32,8 @@ CONTAINERS: Mapping[EventKind, str] = {
 DIRECTION_NAMES = ("tangent", "normal", "gradient", "bend")  # of the array `directions`, in this order
 # read by `traced`, with the free parameters
 TRACED = ("parameter_tangent", "arclength", "state", "angle", "unstable_count")
+# read by `stored_special`
+SPECIAL_NAMES = tuple(array.name for array in KINDS["curve"].arrays if array.name.startswith("event_"))
 
 
 def curve_sizes(machine: Machine, case: Case, problem: CurveProblem) -> dict[str, int]:
@@ -88,8 +90,6 @@ class CurveRecorder:
         case, after = self._case, state.index - 1
         rows = [special_row(case, special, after) for special in specials]
         rows += [_unlocated_row(case, kind, point, after) for kind in point.unlocated]
-        # curves begun by an older version lack the newest arrays
-        rows = [{name: value for name, value in row.items() if name in self._curve.arrays} for row in rows]
         autonomous = self._problem.period_map.autonomous
         row = point_row(case, point, state, self._shape, autonomous) | _graze_columns(self._graze)
         self._curve.commit(row, _slots(state), rows)
@@ -101,7 +101,6 @@ def point_row(
 ) -> dict[str, Any]:
     """One row of a group of kind ``curve`` of a case."""
     spectrum, form = point.cycle.spectrum, point.normal_form
-    others = other_multipliers(point.kind, spectrum.multipliers, point.cos_theta, autonomous)
     return {
         **parameter_columns(case, point.cycle.parameters),
         "period": state.period,
@@ -116,7 +115,7 @@ def point_row(
         "multipliers": spectrum.multipliers,
         "multiplier_residual": spectrum.residuals,
         "multiplier_count": len(spectrum.multipliers),
-        "unstable_count": unstable_count(others, False),
+        "unstable_count": unstable_others(point.kind, spectrum.multipliers, point.cos_theta, autonomous),
         "normal_form": complex(np.nan, np.nan) if form is None else form.coefficient,
         "normal_form_error": np.nan if form is None else form.error,
         "criticality": np.int8(_criticality(point)),
@@ -209,22 +208,16 @@ def _event_row(
     }
 
 
-def special_names(attributes: Mapping[str, Any]) -> tuple[str, ...]:
-    """The arrays of the codimension-two points of a curve with these attributes."""
-    return tuple(name for name in attributes["arrays"] if name.startswith("event_"))
-
-
 def special_labels(curve: Group) -> list[str]:
-    """What the codimension-two points of a curve are, from its event_kind and, if any, event_tongue."""
-    sides = curve.labels("event_tongue") if "event_tongue" in curve.arrays else curve.labels("event_kind")
-    pairs = zip(curve.labels("event_kind").tolist(), sides.tolist(), strict=True)
+    """What the codimension-two points of a curve are, from its event_kind and event_tongue."""
+    pairs = zip(curve.labels("event_kind").tolist(), curve.labels("event_tongue").tolist(), strict=True)
     return ["unresolved tongue" if side == "unresolved" else kind.replace("_", " ") for kind, side in pairs]
 
 
 def stored_special(curve: Group, index: int) -> SpecialPoint:
-    """A located codimension-two point read back; ``curve`` must have its arrays ``special_names``."""
+    """A located codimension-two point read back; ``curve`` must have its arrays ``SPECIAL_NAMES``."""
     arrays = curve.arrays
-    tongue = int(arrays["event_tongue"][index]) if "event_tongue" in arrays else -1
+    tongue = int(arrays["event_tongue"][index])
     name = KINDS["curve"].array("event_kind").flags[int(arrays["event_kind"][index])]
     multipliers = arrays["event_multipliers"][index]
     return SpecialPoint(

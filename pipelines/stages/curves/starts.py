@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pipelines.bifurcations.curve import CurveStart, CurveStop, SpecialKind
-from pipelines.bifurcations.curves.codimension_two import other_multipliers, resonant_end, second_bifurcation
+from pipelines.bifurcations.curves.codimension_two import resonant_end, second_bifurcation, unstable_others
 from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
@@ -22,7 +22,7 @@ from pipelines.bifurcations.switching import curve_from_event, curve_of_second, 
 from pipelines.datasets.branch import has_ended
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
-from pipelines.stages.curves.rows import CONTAINERS, TRACED, special_names, stored_special, traced
+from pipelines.stages.curves.rows import CONTAINERS, SPECIAL_NAMES, TRACED, stored_special, traced
 from pipelines.stages.cycles.problem import cycle_problem, parameter_scale
 from pipelines.stages.cycles.rows import EVENT_NAMES, stored_event
 from pipelines.stages.job import Job, Origin
@@ -193,10 +193,9 @@ def _start_at_event(job: Job, branch: Group, origin: Origin) -> Start:
     event = stored_event(branch, origin.event)
     cycles = with_multiplied_period(cycle_problem(job.machine, job.case), turns)
     problem, guess = curve_from_event(cycles, event, table.parameters, CurveFormulation(table.formulation))
-    others = other_multipliers(
+    unstable = unstable_others(
         event.kind, event.multipliers, float(np.cos(event.angle)), cycles.period_map.autonomous
     )
-    unstable = unstable_count(others, False)
     return Start(origin, problem, replace(guess, unstable=unstable), turns, unstable == 0)
 
 
@@ -205,7 +204,7 @@ def _starts_on_curve(job: Job, kind: EventKind, other: EventKind, group: str) ->
     attributes = job.read(group, ()).attributes
     if attributes["status"] != ENDED:
         return
-    curve = job.read(group, special_names(attributes))
+    curve = job.read(group, SPECIAL_NAMES)
     turns = int(curve.attributes["turns"])
     for index in range(curve.n_events):
         if not np.isfinite(curve["event_residual"][index]):

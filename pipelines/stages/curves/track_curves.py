@@ -103,10 +103,8 @@ def curves_result(job: Job, kind: EventKind, outside: int = 0, refused: int = 0)
 
     ``outside``: starts outside the plane; ``refused``: starts beyond the largest number of curves.
     """
-    names = {"event_kind", "event_tongue", step_errors.STEP_ERROR, *regularised.ARRAYS}
-    groups = job.groups(CONTAINERS[kind])
-    held = [sorted(names.intersection(job.read(group, ()).attributes["arrays"])) for group in groups]
-    curves = [job.read(group, arrays) for group, arrays in zip(groups, held, strict=True)]
+    names = ("event_kind", "event_tongue", step_errors.STEP_ERROR, *regularised.ARRAYS)
+    curves = [job.read(group, names) for group in job.groups(CONTAINERS[kind])]
     ok = not refused and all(is_success(curve, COMPLETE) for curve in curves)
     specials: list[str] = []
     for curve in curves:

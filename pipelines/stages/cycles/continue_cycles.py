@@ -14,7 +14,7 @@ from pipelines.bifurcations.branch import BranchStop
 from pipelines.case.fields import MEASURES, SI_UNITS
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
-from pipelines.case.units import Scale, in_si
+from pipelines.case.units import Scale, rounded
 from pipelines.datasets.schema import KINDS
 from pipelines.stages import step_errors
 from pipelines.stages.cycles.branch import BranchRequest, is_traced, trace_branch
@@ -207,7 +207,7 @@ def _events_summary(
     for kind, value in zip(arrays["event_kind"], arrays[f"event_{parameter}"], strict=True):
         name = meanings[int(kind)].replace("_", " ")
         unit = SI_UNITS[measure]
-        in_units = in_si(measure, float(value), scale).removesuffix(f" {unit}")
+        in_units = rounded(float(value) * scale[measure])
         for key, number in ((name, f"{value:.8g}"), (f"{name} [{unit}]", in_units)):
             before = found.get(key, known.get(key))
             found[key] = number if before is None else f"{before}, {number}"

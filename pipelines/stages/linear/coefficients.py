@@ -11,7 +11,7 @@ import numpy as np
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
-from pipelines.case.scales import RPM_PER_RADIAN_PER_SECOND
+from pipelines.case.units import in_both
 from pipelines.datasets.branch import open_branch
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import ENDED
@@ -35,7 +35,7 @@ def coefficients(named: NamedCase, store_path: Path, report: Report, should_stop
     parameters = reference_parameters(case, case.coefficients.ring)
     speeds, frequencies = rotating_speeds(case), whirl_frequencies(case)
     with open_branch(
-        store, group, GROUP, _sizes(machine, case), _static(machine, case), {"request": request_of(case)},
+        store, group, GROUP, _sizes(machine, case), _static(case), {"request": request_of(case)},
         renew=True,
     ) as branch:  # fmt: skip
         if branch.status != ENDED:
@@ -47,7 +47,7 @@ def coefficients(named: NamedCase, store_path: Path, report: Report, should_stop
                 reasons[index] = equilibrium.reason
                 at = at_speed(parameters, float(speeds[index]))
                 branch.commit(_row(machine, at, frequencies, equilibrium))
-                message = f"speed {speeds[index]:.4g}"
+                message = f"speed {in_both('speed', float(speeds[index]), case.scales.si_per_unit, '.4g')}"
                 report(Progress(GROUP, named.case_id, index + 1, len(speeds), message))
             rows = read_group(store, group, ("speed", "state")).arrays
             missing = missing_entries(machine, parameters, rows, reasons)
@@ -56,7 +56,7 @@ def coefficients(named: NamedCase, store_path: Path, report: Report, should_stop
                 missing_speeds.advice(missing, len(speeds)),
                 **{missing_speeds.ATTRIBUTE: missing},
             )
-    return _result(named.case_id, read_group(store, group, ()).attributes)
+    return _result(named, read_group(store, group, ()).attributes)
 
 
 def rotating_speeds(case: Case) -> Array:
@@ -93,15 +93,10 @@ def _sizes(machine: Machine, case: Case) -> dict[str, int]:
     }
 
 
-def _static(machine: Machine, case: Case) -> dict[str, Any]:
-    """The axis of frequencies, and the units of the coefficients."""
-    frequencies, scales = whirl_frequencies(case), machine.scales
-    stiffness = np.array([scales.bearing_stiffness(index) for index in range(len(machine.bearings))])
+def _static(case: Case) -> dict[str, Any]:
+    """The axis of frequencies, and the nodes of the bearings."""
     return {
-        "frequency": frequencies,
-        "frequency_hertz": frequencies / (2.0 * np.pi * scales.time),
-        "stiffness_unit": stiffness,
-        "damping_unit": stiffness * scales.time,
+        "frequency": whirl_frequencies(case),
         "bearing_node": np.array([table.node for table in case.bearings], dtype=np.int32),
     }
 
@@ -116,7 +111,6 @@ def _row(machine: Machine, parameters: Array, frequencies: Array, equilibrium: E
         stiffness, damping = machine_coefficients(machine, parameters, state, frequencies)
     return {
         "speed": speed,
-        "speed_rpm": speed / machine.scales.time * RPM_PER_RADIAN_PER_SECOND,
         "state": state,
         "journal": np.array([machine.journal(state, index)[:2] for index in range(bearings)]),
         "stiffness": stiffness,
@@ -126,10 +120,9 @@ def _row(machine: Machine, parameters: Array, frequencies: Array, equilibrium: E
     }
 
 
-def _result(case_id: str, attributes: Mapping[str, Any]) -> StageResult:
+def _result(named: NamedCase, attributes: Mapping[str, Any]) -> StageResult:
     summary = {"speeds": attributes["n_points"], "whirl frequencies": attributes["dimensions"]["frequency"]}
-    if missing := attributes[missing_speeds.ATTRIBUTE]:
-        summary["without equilibrium"] = missing_speeds.named(missing)
+    summary |= missing_speeds.summary(attributes[missing_speeds.ATTRIBUTE], named.case.scales.si_per_unit)
     reason = attributes["stop_reason"]
     ok = reason in missing_speeds.SUCCESSFUL
-    return StageResult(case_id, ok, reason, attributes["stop_advice"], summary)
+    return StageResult(named.case_id, ok, reason, attributes["stop_advice"], summary)

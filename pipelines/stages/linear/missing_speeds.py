@@ -40,7 +40,7 @@ def named(missing: Sequence[str]) -> str:
 
 def named_in_both(missing: Sequence[str], scales: Mapping[str, float] | None) -> str:
     """The same, in rpm too where the ``scales`` of the case are stored."""
-    if scales is None:
+    if scales is None or not missing:
         return named(missing)
     found = summary(missing, {"speed": scales["speed_rpm_per_unit"]})
     return f"{found['without equilibrium']}; {found['without equilibrium [rpm]']} rpm"

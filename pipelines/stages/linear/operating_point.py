@@ -10,7 +10,6 @@ import numpy as np
 from pipelines.case.arrays import Array
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
-from pipelines.case.scales import RPM_PER_RADIAN_PER_SECOND
 from pipelines.datasets.branch import write_group
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
@@ -40,7 +39,7 @@ def write_operating_point(store: Store, named: NamedCase, machine: Machine) -> N
     attributes = {
         "request": request,
         "speed": speed,
-        "speed_rpm": speed / machine.scales.time * RPM_PER_RADIAN_PER_SECOND,
+        "speed_rpm": machine.scales.speed_rpm(speed),
         "equilibrium": equilibrium.converged,
         "reason": "" if equilibrium.converged else equilibrium.reason,
     }
@@ -92,11 +91,10 @@ def _modes(machine: Machine, case: Case, parameters: Array, state: Array) -> dic
     modes = modes_at(machine, parameters, state, top)
     kept = (modes.eigenvalues.imag <= top) & (modes.damping_ratios < LARGEST_DAMPING_RATIO)
     eigenvalues = modes.eigenvalues[kept]
-    radians = eigenvalues.imag / machine.scales.time
     return {
         "eigenvalue": eigenvalues,
-        "frequency_hertz": radians / (2.0 * np.pi),
-        "frequency_rpm": radians * RPM_PER_RADIAN_PER_SECOND,
+        "frequency_hertz": eigenvalues.imag * machine.scales.hertz_per_unit,
+        "frequency_rpm": eigenvalues.imag * machine.scales.speed_rpm_per_unit,
         "logarithmic_decrement": logarithmic_decrements(eigenvalues),
         "damping_ratio": modes.damping_ratios[kept],
         "direction": direction_flags(modes.directions[kept]),

@@ -22,6 +22,7 @@ from pipelines.datasets.records import COMPLETE
 from pipelines.datasets.store import Store, local_name, open_for_reading
 from pipelines.stages.calibration import calibrate
 from pipelines.stages.curves import bifurcation_set, track_curves
+from pipelines.stages.curves.lines import LINES
 from pipelines.stages.curves.outlook import outlook
 from pipelines.stages.cycles import continue_cycles
 from pipelines.stages.cycles.branch import NOT_ASKED, WANTING_POINTS
@@ -33,11 +34,10 @@ from pipelines.stages.scheduling.durations import Durations
 from pipelines.stages.survey import onsets, survey
 from pipelines.stages.tori import continue_tori
 from pipelines.stages.transients import transient
-from pipelines.stages.transients.run import is_requested
+from pipelines.stages.transients.run import request_of
 
 Attributes = Mapping[str, Any]
 
-SEARCH = "bifurcation_set"
 CYCLES_PER_ONSET = 2.5  # points of a branch, for the five cycles found alone that bracket an onset
 CYCLE_ALONE = 0.5  # points of a branch
 ONSETS_PER_TARGET = {"onset_slope": 2, "corner_frequency": 2}  # of as many cycles; other targets need one
@@ -89,7 +89,7 @@ def plan(stages: Sequence[str], cases: Sequence[NamedCase], store_path: Path | N
                 yield _run_in_time(named, store, store_path)
             else:
                 found = _with_time(_found(stage, named, store), named.case, durations)
-                yield _searching(found, named, store, durations) if stage == SEARCH else found
+                yield _searching(found, named, store, durations) if stage == bifurcation_set.GROUP else found
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def _search_state(here: _Here, curves: StageStatus) -> StageStatus:
         return StageStatus.PARTIAL
     if search is not None and (search["complete"] or search["rounds"] >= table.max_rounds):
         return StageStatus.PARTIAL if curves is StageStatus.PARTIAL else StageStatus.COMPLETE
-    begun = search is not None or any(name.startswith("cycles/s") for name in here.groups)
+    begun = search is not None or any(name.startswith(LINES) for name in here.groups)
     return StageStatus.PARTIAL if begun else curves
 
 
@@ -406,7 +406,7 @@ def _run_in_time(named: NamedCase, store: Store | None, store_path: Path | None)
     own = [
         found
         for name, found in groups.items()
-        if name.startswith("transient/") and is_requested(named.case, found["request"])
+        if name.startswith("transient/") and found["request"] == request_of(named.case)
     ]
     ahead = transient.outlook(named, store_path)
     begun = [int(found["n_points"]) for found in own]

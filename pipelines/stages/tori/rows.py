@@ -216,11 +216,16 @@ def event_row(case: Case, circle: PeriodCircle, event: TorusEvent, state: TorusS
         "event_section": at.states,
         "event_angle_count": len(at.states),
         "event_moduli": event.moduli,
-        "event_stability": np.int8(
-            spec.array("event_stability").flag("lost" if event.destabilises else "gained")
-        ),
+        "event_stability": np.int8(_stability_change(event)),
         "event_residual": event.residual,
     }
+
+
+def _stability_change(event: TorusEvent) -> int:
+    """Flag of what the torus does; unset where the numbers of unstable multipliers do not tell it."""
+    if event.destabilises is None:
+        return -1
+    return KINDS["tori"].array("event_stability").flag("lost" if event.destabilises else "gained")
 
 
 def _slots(state: TorusState) -> dict[str, Any]:

@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 
 from pipelines.case.arrays import Array
-from pipelines.case.fields import SI
 from pipelines.case.models import Case
 from pipelines.case.reading import NamedCase
-from pipelines.case.units import dimensionless
 from pipelines.datasets.layout import LARGEST_ROWS
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.store import Store, case_group
@@ -88,15 +86,6 @@ def request_of(case: Case) -> dict[str, Any]:
     return {"transient": case.transient.model_dump(mode="json"), "unbalance": unbalance}
 
 
-def is_requested(case: Case, request: Mapping[str, Any]) -> bool:
-    """Whether a stored request is that of a case; earlier versions stored times in s and speeds in rpm."""
-    if request.get("transient", {}).get("units") != SI:
-        return bool(request == request_of(case))
-    machine = case.model_dump(mode="json", include={"gas", "bearings"})
-    found = dimensionless(Case, {**machine, "transient": request["transient"]}).document["transient"]
-    return {**request, "transient": {**found, "units": "dimensionless"}} == request_of(case)
-
-
 def _place(named: NamedCase, store: Store | None) -> tuple[str, Mapping[str, Any] | None, bool]:
     """The group of the case's request and its attributes, or the first free one; whether it has begun."""
     for number in range(MOST_RUNS):
@@ -104,7 +93,7 @@ def _place(named: NamedCase, store: Store | None) -> tuple[str, Mapping[str, Any
         if store is None or not store.has_group(group):
             return group, None, False
         found = read_group(store, group, ())
-        if is_requested(named.case, found.attributes["request"]):
+        if found.attributes["request"] == request_of(named.case):
             return group, found.attributes, found.n_events > 0
     raise CannotRunError(
         f"the store holds {MOST_RUNS} transient runs of the case {named.case_id}",
