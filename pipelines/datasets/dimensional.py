@@ -94,34 +94,36 @@ class StoredScales:
         return {} if self._scales is None else scale_of_case(self._scales)
 
     @cached_property
-    def _bearings(self) -> dict[str, Array]:
-        """Radius, length and clearance of each bearing [m]; nothing where the geometry is not stored."""
-        name = case_group(self.case, "machine")
-        if not self.store.has_group(name):
+    def of_bearings(self) -> dict[str, Array]:
+        """What a dimensionless 1 of each bearing is: c in um, p0 R L/c in N/m, p0 R L t0/c in N s/m.
+
+        Nothing where the geometry or the scales are not stored.
+        """
+        name, scales = case_group(self.case, "machine"), self._scales
+        if scales is None or not self.store.has_group(name):
             return {}
         machine = read_group(self.store, name, ("bearing_radius", "bearing_length", "bearing_clearance"))
-        return {key.removeprefix("bearing_"): values for key, values in machine.arrays.items()}
+        radius, length, clearance = machine.arrays.values()
+        stiffness = scales["pressure"] * radius * length / clearance
+        return {"um": 1e6 * clearance, "N/m": stiffness, "N s/m": stiffness * scales["time"]}
 
     def si_unit(self, group: Group, spec: ArraySpec) -> SiUnit | None:
         """The unit of an array of a group; None for what has none, or has its unit already."""
         if spec.units != "1" or spec.dtype not in ("float64", "complex128") or not self.scale:
             return None
         if (measures := _OF_BEARINGS.get(spec.name)) is not None:
-            return self._of_bearings(spec.dimensions, measures)
+            return self._of_own_bearing(spec.dimensions, measures)
         if ROTOR in spec.long_name:
             return self._of_coordinates(group, spec.dimensions)
         if (quantity := quantity_of(spec, group.attributes)) is not None:
             return SiUnit(SI_UNITS[quantity], np.array(self.scale[quantity]))
-        return self._of_bearings(spec.dimensions, "um") if OWN in spec.long_name else None
+        return self._of_own_bearing(spec.dimensions, "um") if OWN in spec.long_name else None
 
-    def _of_bearings(self, dimensions: tuple[str, ...], unit: str) -> SiUnit | None:
-        """Lengths over the clearance of each bearing; stiffness over p0 R L/c, damping over p0 R L t0/c."""
-        if "bearing" not in dimensions or not self._bearings or self._scales is None:
+    def _of_own_bearing(self, dimensions: tuple[str, ...], unit: str) -> SiUnit | None:
+        if "bearing" not in dimensions or not self.of_bearings:
             return None
-        radius, length, clearance = (self._bearings[name] for name in ("radius", "length", "clearance"))
-        stiffness = self._scales["pressure"] * radius * length / clearance
-        values = {"um": 1e6 * clearance, "N/m": stiffness, "N s/m": stiffness * self._scales["time"]}[unit]
-        return SiUnit(unit, values.reshape([-1 if name == "bearing" else 1 for name in dimensions]))
+        shape = [-1 if name == "bearing" else 1 for name in dimensions]
+        return SiUnit(unit, self.of_bearings[unit].reshape(shape))
 
     def _of_coordinates(self, group: Group, dimensions: tuple[str, ...]) -> SiUnit | None:
         """Displacements of the rotor's coordinates; its slopes have another unit."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -23,13 +23,15 @@ Conversion = Callable[[ArrayLike], ArrayLike]
 
 @dataclass(frozen=True)
 class AxisScales:
-    """Dimensional value of one dimensionless unit, as set by the first bearing."""
+    """Dimensional value of one dimensionless unit, as set by the first bearing if not said otherwise."""
 
     rpm: float  # of a rotating speed [rev/min]
     hertz: float  # of a frequency [Hz]
     micrometres: float  # of a displacement of the rotor [um]
     stiffness: float  # of an areal stiffness [GN/m3]
     bearings_differ: bool = False  # in clearance: then lengths and stiffnesses are said to be of bearing 1
+    of_bearings: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    """Of each bearing itself, by unit: "N/m" of a stiffness, "N s/m" of a damping."""
 
 
 def seconds(scales: AxisScales) -> float:

@@ -6,7 +6,10 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from pipelines.datasets.curves import CURVE_CONTAINERS
+from pipelines.datasets.dimensional import StoredScales
 from pipelines.datasets.reading import case_attributes, list_groups, read_group
 from pipelines.datasets.store import Store, StoreError, case_group, local_name
 from pipelines.figures.axes import AxisScales
@@ -100,18 +103,19 @@ def _case_view(store: Store, case: str, groups: Collection[str]) -> CaseView:
     return CaseView(
         name=str(attributes.get("name") or case),
         note=str(attributes.get("reconstruction") or ""),
-        scales=_scales(attributes["scales"], len(set(machine.optional("bearing_clearance").tolist())) > 1),
+        scales=_scales(StoredScales(store, case), attributes["scales"]),
         machine=machine,
         parameters=attributes.get("parameters") or {},
     )
 
 
-def _scales(stored: Mapping[str, Any], bearings_differ: bool) -> AxisScales:
-    """Scales of the axes from the scales of the case, which are in SI units."""
+def _scales(scales: StoredScales, stored: Mapping[str, Any]) -> AxisScales:
+    """Scales of the axes from the ``stored`` scales of the case, which are in SI units."""
     return AxisScales(
         rpm=stored["speed_rpm_per_unit"],
         hertz=stored["hertz_per_unit"],
         micrometres=1e6 * stored["displacement"],
         stiffness=1e-9 * stored["pressure"] / stored["displacement"],
-        bearings_differ=bearings_differ,
+        bearings_differ=len(set(scales.of_bearings.get("um", np.zeros(0)).tolist())) > 1,
+        of_bearings=scales.of_bearings,
     )

@@ -18,6 +18,10 @@ from pipelines.figures.axes import add_right, add_top, limits
 from pipelines.figures.contents import CaseView, MissingDataError, Table
 
 ENTRIES = (("xx", 0, 0), ("xy", 0, 1), ("yx", 1, 0), ("yy", 1, 1))
+_QUANTITIES = (
+    ("stiffness", r"$\bar{K}$", "N/m", "[MN/m]", 1e-6),
+    ("damping", r"$\bar{C}$", "N s/m", "[kN s/m]", 1e-3),
+)
 LINES = 6  # speeds at most
 SYNCHRONOUS: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.9, "linestyle": ":"}
 
@@ -35,16 +39,15 @@ def draw_coefficients(case: CaseView, coefficients: Table) -> Figure:
     panels = figure.subplots(2 * case.bearings, len(ENTRIES), sharex=True, sharey="row", squeeze=False)
     norm = Normalize(float(speeds[0]), float(speeds[-1]))
     for bearing in range(case.bearings):
-        for row, (name, symbol, unit, factor) in enumerate(
-            (("stiffness", r"$\bar{K}$", "[MN/m]", 1e-6), ("damping", r"$\bar{C}$", "[kN s/m]", 1e-3))
-        ):
+        for row, (name, symbol, unit, label, factor) in enumerate(_QUANTITIES):
             own = panels[2 * bearing + row]
             for axes, (entry, i, j) in zip(own, ENTRIES, strict=True):
                 values = table[name][:, :, bearing, i, j]
                 _draw_entry(axes, coefficients["frequency"], speeds, values, lines, norm)
                 axes.set_title(f"{symbol[:-1]}_{{{entry}}}$, bearing {bearing + 1}", fontsize=8)
             own[0].set_ylabel(f"{name} {symbol} [–]")
-            add_right(own[-1], factor * float(coefficients[f"{name}_unit"][bearing]), unit)
+            if unit in case.scales.of_bearings:
+                add_right(own[-1], factor * float(case.scales.of_bearings[unit][bearing]), label)
     for axes in panels[-1]:
         axes.set_xlabel(r"whirl frequency $\bar{\omega}$ [–]")
         axes.set_xlim(*limits(coefficients["frequency"], 0.0))

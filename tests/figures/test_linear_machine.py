@@ -12,7 +12,7 @@ from pipelines.figures.contents import MissingDataError, Table
 from pipelines.figures.critical_map import draw_critical_map
 from pipelines.figures.operating_point import draw_operating_point
 from pipelines.figures.polar import draw_polar
-from tests.figures.synthetic_store import make_store
+from tests.figures.synthetic_store import SCALES, make_store
 
 PARTS = ("machine", "operating_point", "coefficients", "criticals", "unbalance_response")
 
@@ -59,6 +59,13 @@ def test_coefficients_of_both_bearings_with_their_synchronous_values(case: CaseT
     np.testing.assert_array_equal(dotted.get_xdata(), speeds)
     last = np.interp(speeds[-1], table["frequency"], table["stiffness"][-1, :, 1, 1, 1])
     assert dotted.get_ydata()[-1] == pytest.approx(last)
+    (right,) = panels[8 + 3].child_axes
+    assert right.get_ylabel() == "[MN/m]"
+    machine, pressure = case.view.machine, SCALES["pressure"]
+    radius, length, clearance = (machine[f"bearing_{key}"][1] for key in ("radius", "length", "clearance"))
+    figure.canvas.draw()
+    top, dimensional = panels[8 + 3].get_ylim()[1], right.get_ylim()[1]
+    assert dimensional == pytest.approx(top * 1e-6 * pressure * radius * length / clearance)
 
 
 def test_the_critical_speed_map_has_the_stiffness_of_the_bearings(case: CaseTables) -> None:
