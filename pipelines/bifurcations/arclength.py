@@ -36,6 +36,7 @@ from pipelines.bifurcations.continuation import (
     one_history,
     period_scale,
     returned,
+    steps_of,
     told_error,
 )
 from pipelines.bifurcations.cycles.double_crossings import dips_inside, may_be_crossed
@@ -137,6 +138,7 @@ class _Branch(Tracer[BranchState, _Step]):
             arclength=0.0,
             steps=cycle.steps,
             step_error=required.error,
+            coarser_error=required.coarser,
             basis=following_basis(problem, cycle),
             multipliers=cycle.spectrum.multipliers,
             previous_state=at.state,
@@ -163,7 +165,7 @@ class _Branch(Tracer[BranchState, _Step]):
 
     def attempt(self, state: BranchState) -> _Step | Rejected:
         """One step: predict, correct, test, locate."""
-        steps = next_steps(self.problem, state.steps, state.step_error)
+        steps = next_steps(self.problem, steps_of(state))
         reference = reference_of(self.problem, state.unknowns, steps)
         correction, required = self._predict_and_correct(state, steps, reference)
         segment = self._segment(state, correction, reference)
@@ -203,6 +205,7 @@ class _Branch(Tracer[BranchState, _Step]):
             arclength=state.arclength + step.segment.length,
             steps=cycle.steps,
             step_error=step.point.step_error,
+            coarser_error=step.point.coarser_error,
             basis=following_basis(self.problem, cycle),
             multipliers=cycle.spectrum.multipliers,
             previous_state=state.state,
@@ -358,6 +361,7 @@ def _point(
         correction.residual_norms,
         correction.update_norms,
         required.error,
+        required.coarser,
         found.unlocated,
         found.unexplained,
     )

@@ -82,8 +82,8 @@ class BranchState(ResumableState):
     A branch restarted from a copy of it continues with the same bits.  ``state``, ``tangent_state``,
     ``start_state`` (N,), ``basis`` (N, k), ``multipliers`` (m,) complex; ``index`` counts the recorded points
     from zero; ``step`` is the next arclength step; ``steps`` are per period and leave ``step_error`` in the
-    multipliers; ``previous_*`` is the point before, at the first one that itself, without multipliers;
-    ``start_*`` is the first point, for closed curves.
+    multipliers, half as many ``coarser_error``; ``previous_*`` is the point before, at the first one that
+    itself, without multipliers; ``start_*`` is the first point, for closed curves.
     """
 
     index: int
@@ -97,6 +97,7 @@ class BranchState(ResumableState):
     arclength: float
     steps: int
     step_error: float
+    coarser_error: float
     basis: Matrix
     multipliers: Complex
     previous_state: Vector
@@ -139,10 +140,10 @@ class BranchPoint:
     """One accepted cycle: ``cycle`` holds state, period, orbit samples, multipliers and their residuals.
 
     ``residual_norms`` and ``update_norms``: history of the corrector; ``step_error``: estimated error of the
-    multipliers by the time steps, NaN where it is unknown; ``unlocated``: events that were
-    detected in the step to this point but could not be located even with the smallest step; ``unexplained``:
-    the events of that smallest step, located or not, do not account for the change of its unstable count, so
-    some are missing.
+    multipliers by the time steps, ``coarser_error``: by half as many, NaN where unknown; ``unlocated``:
+    events that were detected in the step to this point but could not be located even with the smallest step;
+    ``unexplained``: the events of that smallest step, located or not, do not account for the change of its
+    unstable count, so some are missing.
     """
 
     cycle: Cycle
@@ -150,6 +151,7 @@ class BranchPoint:
     residual_norms: tuple[float, ...]
     update_norms: tuple[float, ...]
     step_error: float = math.nan
+    coarser_error: float = math.nan
     unlocated: tuple[EventKind, ...] = ()
     unexplained: bool = False
 

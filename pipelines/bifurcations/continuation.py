@@ -111,7 +111,12 @@ def one_history(
 
 def told_error(state: Any) -> RequiredSteps | None:
     """What a point tells the next one of the error of its time steps; nothing at every fifth point."""
-    return None if (state.index + 1) % _TOLD == 0 else RequiredSteps(state.steps, state.step_error)
+    return None if (state.index + 1) % _TOLD == 0 else steps_of(state)
+
+
+def steps_of(state: Any) -> RequiredSteps:
+    """The time steps of a point, with what is known of their error."""
+    return RequiredSteps(state.steps, state.step_error, state.coarser_error)
 
 
 State = TypeVar("State", bound="ResumableState")

@@ -32,6 +32,9 @@ class CurveStop(Enum):
     )
     LIMIT = "a limit set by the caller is reached"
     TRACED = "another curve was traced here before: nothing more to compute"
+    LEAVES_BOUNDARY = (
+        "the curve leaves the boundary of stable cycles here: agfb track-folds or track-pd follows it further"
+    )
     INTERRUPTED = "stopped on request after a complete point: run again to resume"
     START_FAILED = "the first point did not converge: start from a better located bifurcation"
 
@@ -84,6 +87,8 @@ class CurveOptions:
     ``minimum_cosine``: smallest cosine between neighbouring tangents.
     ``parameter_scales``: changes of the parameters that count as one.
     ``event_tolerance``: width of the final bracket of a special point, in arclength.
+    ``boundary``: whether the curve ends where other multipliers are unstable, at its first point or in the
+    step behind the one in which a special point made them so.
     ``normal_form``: differences for the critical coefficients; None leaves them out, and with them
     generalised period doublings and Chenciner points.
 
@@ -100,6 +105,7 @@ class CurveOptions:
     minimum_cosine: float = 0.8
     parameter_scales: tuple[float, float] = (1.0, 1.0)
     event_tolerance: float = 1e-11
+    boundary: bool = False
     normal_form: NormalFormOptions | None = field(default_factory=NormalFormOptions)
 
     def __post_init__(self) -> None:
@@ -142,15 +148,16 @@ class CurveStart:
 class CurveState(ResumableState):
     """Everything that determines the next step, as plain arrays and numbers.
 
-    A curve restarted from a copy of it continues with the same bits.  ``state``, the ``tangent_*``, the
+    A curve restarted from a copy of it continues with the same bits. ``state``, the ``tangent_*``, the
     ``normal_*`` (the second tangent of the surface of cycles, across the curve), the ``gradient_*`` (row of
     the test function) and the ``bend_*`` (change of the tangent per arclength in the last step, zero at
     first) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``, ``left_phase``,
     ``cos_theta``: the bordering of the test function; ``cos_theta_slope``: its derivative by arclength;
     ``tests`` (11,): values of the special test functions in the order of ``SpecialKind``; ``previous_*`` is
     the point before, NaN at the first one; ``step`` is the next arclength step; ``steps`` are per period and
-    leave ``step_error`` in the multipliers; ``start_*``: the first point; ``clipping_width``: half width of
-    the regularised map on whose curve the point lies, zero for the exact one.
+    leave ``step_error`` in the multipliers, half as many ``coarser_error``; ``start_*``: the first point;
+    ``clipping_width``: half width of the regularised map on whose curve the point lies, zero for the exact
+    one.
     """
 
     index: int
@@ -182,6 +189,7 @@ class CurveState(ResumableState):
     arclength: float
     steps: int
     step_error: float
+    coarser_error: float
     basis: Matrix
     start_state: Vector
     start_period: float
@@ -225,11 +233,11 @@ class CurvePoint:
     ``parameters`` (2,): both free ones; ``cos_theta``: of the critical angle; ``alignment``: cosine between
     left and right null vector; ``right`` (N, m): critical vectors; ``normal_form``: None when not asked for
     or not defined; ``newton_iterations``: before the time steps were refined; ``step_error``: estimated error
-    of the multipliers by the time steps, NaN where it is unknown; ``residual_norms`` and ``test_values``:
-    history of the corrector; ``unlocated``: special points that were detected in the step to this point but
-    could not be located; ``clipping_width``: as in CurveState; ``width_effect``: distance of the
-    point from the curve of the exact map, in the plane of the parameters divided by their scales, zero where
-    that map was used and NaN where it is unknown.
+    of the multipliers by the time steps, ``coarser_error``: by half as many, NaN where unknown;
+    ``residual_norms`` and ``test_values``: history of the corrector; ``unlocated``: special points that were
+    detected in the step to this point but could not be located; ``clipping_width``: as in CurveState;
+    ``width_effect``: distance of the point from the curve of the exact map, in the plane of the parameters
+    divided by their scales, zero where that map was used and NaN where it is unknown.
     """
 
     kind: EventKind
@@ -243,6 +251,7 @@ class CurvePoint:
     test_values: tuple[float, ...]
     newton_iterations: int = 0
     step_error: float = math.nan
+    coarser_error: float = math.nan
     unlocated: tuple[SpecialKind, ...] = ()
     clipping_width: float = 0.0
     width_effect: float = 0.0

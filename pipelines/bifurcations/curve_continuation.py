@@ -28,6 +28,7 @@ from pipelines.bifurcations.continuation import (
     leaves_ranges,
     one_history,
     returned,
+    steps_of,
     told_error,
 )
 from pipelines.bifurcations.critical.correction import CurveConstraint, CurveCorrection
@@ -49,7 +50,13 @@ from pipelines.bifurcations.curves.codimension_two import (
     without_rounding,
 )
 from pipelines.bifurcations.curves.double_passages import dip_through
-from pipelines.bifurcations.curves.first_point import columns_of, curve_metric, required_steps_of, start_curve
+from pipelines.bifurcations.curves.first_point import (
+    columns_of,
+    curve_metric,
+    required_steps_of,
+    start_curve,
+    with_errors,
+)
 from pipelines.bifurcations.curves.kinks import attempt_past_kinks
 from pipelines.bifurcations.curves.segment import (
     Bracket,
@@ -69,7 +76,7 @@ from pipelines.bifurcations.plane import CurveProblem, PlaneMetric, Position
 from pipelines.orbits.period_map import PhaseReference
 from pipelines.orbits.shooting import NewtonStop, reference_of
 from pipelines.orbits.system import Vector
-from pipelines.orbits.time_steps import next_steps
+from pipelines.orbits.time_steps import RequiredSteps, next_steps
 
 # The error that time steps leave is noisy beside kinks: a point is corrected again only where it is clearly
 # too large, else the next one has more steps.
@@ -158,13 +165,15 @@ class _Curve(Tracer[CurveState, CurveStep]):
         return attempt_past_kinks(self.problem, state, self.options, self._attempt, self.advance)
 
     def ends_before(self, state: CurveState, step: CurveStep) -> tuple[CurveStop, str] | None:
-        """Whether the curve runs along a known one, or along itself."""
+        """Whether the curve runs along a known one or along itself, or bounds no stable cycles."""
         unstable = unstable_others(
             self.problem.kind,
             step.point.cycle.spectrum.multipliers,
             step.point.cos_theta,
             self.problem.period_map.autonomous,
         )
+        if self.options.boundary and unstable > 0 and (state.index == 0 or not step.found):
+            return CurveStop.LEAVES_BOUNDARY, "the cycles on both sides are unstable"
         name = _along(state, step.end, unstable, self._traced, self.options)
         metric = curve_metric(self.problem, self.options, state.start)
         if name is None and self._own is not None and not returned(state, step.end.position, metric):
@@ -201,7 +210,7 @@ class _Curve(Tracer[CurveState, CurveStep]):
         options = self.options
         metric = curve_metric(problem, options, state.start)
         cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
-        steps = next_steps(cycles, state.steps, state.step_error)
+        steps = next_steps(cycles, steps_of(state))
         reference = reference_of(cycles, unknowns, steps)
         segment = _predict_and_correct(problem, state, options, metric, steps, reference)
         if isinstance(segment, Rejected):
@@ -324,9 +333,7 @@ def _predict_and_correct(
             return Rejected(again.advice)
         required = required_steps_of(problem, again.point)
         found = one_history(found, again, ("residual_norms", "test_values"))
-    return _segment(
-        problem, state, options, constraint, found, reference, (newton_iterations, required.error)
-    )
+    return _segment(problem, state, options, constraint, found, reference, (newton_iterations, required))
 
 
 def _segment(
@@ -336,7 +343,7 @@ def _segment(
     constraint: CurveConstraint,
     found: CurveCorrection,
     reference: PhaseReference | None,
-    iterations_and_error: tuple[int, float],
+    iterations_and_required: tuple[int, RequiredSteps],
 ) -> CurveSegment | Rejected:
     if found.point is None:
         return Rejected(found.advice)
@@ -345,8 +352,9 @@ def _segment(
     end = curve_end(found, found.point, constraint, state.tangent, options.normal_form, state.bordering)
     if end is None:
         return Rejected("the tangent is singular")
-    newton_iterations, step_error = iterations_and_error
-    end = replace(end, point=replace(end.point, newton_iterations=newton_iterations, step_error=step_error))
+    newton_iterations, required = iterations_and_required
+    end = with_errors(end, required)
+    end = replace(end, point=replace(end.point, newton_iterations=newton_iterations))
     return CurveSegment(
         problem,
         constraint.metric,

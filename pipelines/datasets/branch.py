@@ -246,6 +246,11 @@ class BranchWriter:
             self.n_points, self.n_events, row, slots, self.status, str(self._attributes["stop_reason"])
         )
 
+    @property
+    def stop_reason(self) -> str | None:
+        """Why the branch ended; None while it is open."""
+        return self._attributes.get("stop_reason")
+
     def is_complete(self, wanting_points: str, max_points: int) -> bool:
         """Whether the branch has ended for good (see `has_ended`)."""
         return has_ended(self._attributes, self.n_points, wanting_points, max_points)

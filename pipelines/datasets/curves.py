@@ -22,7 +22,7 @@ from pipelines.datasets.store import local_name
 CRITICAL_MULTIPLIERS = {"period_doubling": 1, "neimark_sacker": 2, "fold": 1}
 CURVE_CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
 FINISHED = frozenset(
-    {"closed", "range", "resonance_1", "resonance_2", "traced"}
+    {"closed", "range", "resonance_1", "resonance_2", "traced", "leaves_boundary"}
 )  # reasons after which nothing is missing
 UNKNOWN = "unset"
 _AT_A_ROW = 1e-12  # of the extent of the curve

@@ -470,6 +470,7 @@ CYCLES = GroupSpec(
             "point",
             "estimated error of the multipliers by the time steps; unknown where missing",
         ),
+        _real("coarser_error", "point", "likely error with half as many time steps; unknown where missing"),
         _real(
             "basis",
             "slot component column",
@@ -652,6 +653,7 @@ CURVE = GroupSpec(
             "point",
             "estimated error of the multipliers by the time steps; unknown where missing",
         ),
+        _real("coarser_error", "point", "likely error with half as many time steps; unknown where missing"),
         _real(
             "clipping_width",
             "point",

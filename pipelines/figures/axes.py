@@ -30,7 +30,7 @@ class AxisScales:
     micrometres: float  # of a displacement of the rotor [um]
     stiffness: float  # of an areal stiffness [GN/m3]
     bearings_differ: bool = False  # in clearance: then lengths and stiffnesses are said to be of bearing 1
-    of_bearings: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    of_bearings: Mapping[str, NDArray[np.float64]] = field(default_factory=dict, compare=False)
     """Of each bearing itself, by unit: "N/m" of a stiffness, "N s/m" of a damping."""
 
 

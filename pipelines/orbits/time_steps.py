@@ -17,6 +17,8 @@ unless a neighbour with as many steps has been told nearly that error already.
 Where it does not, the larger of the two is the likely error, from which the steps follow, and that of first
 order, p = 1 in the last line, bounds it and is told.  Where more steps change the multipliers far less than
 the order predicts, or more than fewer steps did, the error is unknown: NaN.
+
+The next cycle takes fewer steps where the error predicts that they are enough, or where n/2 steps were.
 """
 
 from __future__ import annotations
@@ -61,11 +63,12 @@ _Mapped = Callable[[Matrix, int], Matrix | None]  # M block with a number of ste
 class RequiredSteps:
     """The ``steps`` whose likely error meets the tolerance, and the reported ``error`` of the steps in use.
 
-    The error of the multipliers is NaN where it is unknown.
+    ``coarser``: likely error of half as many steps.  Errors of the multipliers; NaN where they are unknown.
     """
 
     steps: int
     error: float
+    coarser: float = math.nan
 
 
 def first_steps(problem: CycleProblem, guess: Unknowns) -> int | NewtonStop:
@@ -185,7 +188,7 @@ def required_steps_at(
         passed = period_map.evaluate(*start._replace(steps=count), block)
         return passed.columns if passed.finite else None
 
-    halved = math.nan
+    halved, coarser = math.nan, math.nan
     if stable <= half < steps:
         halved = _change(mapped, basis, projected, half, options.checked_modulus)
     if math.isinf(halved):
@@ -198,9 +201,10 @@ def required_steps_at(
                 period_map.stepper.order, (steps / half, halved), (finer / steps, refined)
             )
         required = _steps_for_error(period_map, options, steps, likely) if math.isfinite(likely) else steps
+        coarser = halved + likely
     if period_map.steps_per_period is not None:
-        return RequiredSteps(steps, error)
-    return RequiredSteps(max(required, stable), error)
+        return RequiredSteps(steps, error, coarser)
+    return RequiredSteps(max(required, stable), error, coarser)
 
 
 def halved_change(problem: CycleProblem, cycle: Cycle) -> float:
@@ -281,15 +285,21 @@ def _dominant(matrix: Matrix, modulus: float) -> Matrix:
     return np.ascontiguousarray(vectors[:, :count])
 
 
-def next_steps(problem: CycleProblem, steps: int, error: float) -> int:
-    """Steps for the next cycle: fewer if the error is far below the tolerance, more if it is above.
+def next_steps(problem: CycleProblem, told: RequiredSteps) -> int:
+    """Steps for the next cycle, where ``told`` are the steps of the last one with their errors.
 
+    Fewer if the error is far below the tolerance or that of half as many steps meets it, more if it is above.
     An explicit stepper takes no fewer, because stability may require them.
     """
     period_map, options = problem.period_map, problem.options
+    steps, error = told.steps, told.error
     if period_map.steps_per_period is not None or not math.isfinite(error):
         return steps
     required = _steps_for_error(period_map, options, steps, error)
+    if (
+        told.coarser <= options.step_tolerance
+    ):  # where kinks rule the error, it falls more slowly than assumed
+        required = min(required, _with_margin(period_map, 0.5 * steps))
     fewer = required < _REDUCE_BELOW * steps and isinstance(period_map.stepper, ImplicitStepper)
     more = required > steps and error > _BOUND * options.step_tolerance
     return required if fewer or more else steps
@@ -298,8 +308,19 @@ def next_steps(problem: CycleProblem, steps: int, error: float) -> int:
 def _steps_for_error(period_map: PeriodMap, options: ShootingOptions, steps: int, error: float) -> int:
     """Steps that meet the tolerance where ``steps`` leave ``error``, with a margin and within limits."""
     relative = error / options.step_tolerance
-    needed = math.ceil(_MARGIN * steps * relative ** (1.0 / period_map.stepper.order))
-    multiple = period_map.period_multiple
+    return _with_margin(period_map, steps * relative ** (1.0 / period_map.stepper.order))
+
+
+def most_steps(period_map: PeriodMap, steps: float) -> int:
+    """So many steps or as many as a period has at most; the fixed number where the map has one."""
+    if period_map.steps_per_period is not None:
+        return period_map.rounded_steps(period_map.steps_per_period)
+    return period_map.rounded_steps(min(math.ceil(steps), _STEP_CAP * period_map.period_multiple))
+
+
+def _with_margin(period_map: PeriodMap, steps: float) -> int:
+    """Slightly more than ``steps`` within limits."""
+    needed, multiple = math.ceil(_MARGIN * steps), period_map.period_multiple
     return period_map.rounded_steps(min(max(_FEWEST, needed // multiple + 1), _STEP_CAP) * multiple)
 
 

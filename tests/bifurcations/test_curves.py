@@ -24,6 +24,7 @@ from pipelines.orbits.shooting import ShootingOptions
 from pipelines.orbits.steppers import DOPRI8, ESDIRK5
 from tests.bifurcations.curve_runs import FLIP, FOLD, NS, map_problem, start, trace
 from tests.bifurcations.explicit_maps import (
+    ExplicitMap,
     cusp_map,
     delayed_logistic,
     explicit_map,
@@ -415,6 +416,39 @@ def test_two_curves_beside_each_other_are_told_apart_by_the_other_multiplier() -
     assert would_end_on(known, [known], (1.0, 1.0))
     above = replace(KnownCurve.of(run.states), unstable=np.ones(len(run.states)))
     assert not would_end_on(above, [known], (1.0, 1.0))
+
+
+def leaving_folds() -> ExplicitMap:
+    """Folds on b = 0 with the other multiplier -1 - a."""
+    return explicit_map(
+        2, ("a", "b"), lambda s, p: (s[0] + p[1] + s[0] ** 2, -(1.0 + p[0]) * s[1] + 0.1 * s[0] ** 2)
+    )
+
+
+@pytest.mark.parametrize(("direction", "bounds"), [(1, False), (-1, True)])
+def test_a_direction_that_leaves_the_boundary_of_stable_cycles_ends_at_once(
+    direction: int, bounds: bool
+) -> None:
+    """Folds on b = 0; the other multiplier is -1 - a, so that those with a > 0 bound no stable points."""
+    problem = map_problem(leaving_folds(), FOLD, (0, 0), ("a", "b"))
+    options = CurveOptions(((-0.5, 0.5), (-1.0, 1.0)), direction, 0.05, maximum_step=0.1)
+    at = start([0.0, 0.0], (-0.01, 0.0))
+    assert trace(problem, at, options).result.stop is CurveStop.RANGE, "followed where all are wanted"
+    run = trace(problem, at, replace(options, boundary=True))
+    assert run.result.stop is (CurveStop.RANGE if bounds else CurveStop.LEAVES_BOUNDARY)
+    assert (len(run.states) > 1) == bounds
+
+
+def test_a_curve_ends_behind_the_special_point_in_which_it_leaves_the_boundary() -> None:
+    """There it is stored, so that the end is explained."""
+    problem = map_problem(leaving_folds(), FOLD, (0, 0), ("a", "b"))
+    options = CurveOptions(((-0.5, 0.5), (-1.0, 1.0)), 1, 0.05, maximum_step=0.1, boundary=True)
+    run = trace(problem, start([0.0, 0.0], (-0.3, 0.0)), options)
+    assert run.result.stop is CurveStop.LEAVES_BOUNDARY
+    (special,) = run.specials
+    assert special.kind is SpecialKind.FOLD_FLIP
+    assert special.parameters[0] == pytest.approx(0.0, abs=1e-6)
+    assert [state.parameters[0] > 0.0 for state in run.states] == [False] * (len(run.states) - 1) + [True]
 
 
 def test_a_restart_meets_the_curve_itself_where_the_whole_run_does() -> None:

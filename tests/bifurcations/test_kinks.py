@@ -6,10 +6,13 @@ import math
 import pickle
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from pipelines.bifurcations.continuation import Rejected
 from pipelines.bifurcations.curve import CurveOptions, CurveState, CurveStop
 from pipelines.bifurcations.curves import kinks
 from pipelines.bifurcations.normal_forms.coefficients import NormalFormOptions
@@ -148,6 +151,35 @@ def test_without_a_smooth_cycle_the_curve_ends_as_before() -> None:
     run = trace(own, start([-1.3, 0.0, 0.0], (-2.3, 0.0), NU), OPTIONS)
     assert run.result.stop is CurveStop.MINIMUM_STEP
     assert np.array_equal(run.parameters, run_of(SHARP, ()).parameters)
+
+
+def test_more_time_steps_come_before_a_width() -> None:
+    """Four times as many, but not more than 400."""
+    own = problem(SHARP)
+    own = replace(own, period_map=replace(own.period_map, steps_per_period=None))
+    first = replace(run_of(SHARP).states[0], step=OPTIONS.minimum_step)
+    passed: Any = SimpleNamespace(begin=first)
+    asked = []
+
+    def attempt(problem: CurveProblem, state: CurveState) -> Any:
+        asked.append(state.steps)
+        return Rejected("too short") if state.steps < 48 else passed
+
+    def past(steps: int) -> Any:
+        asked.clear()
+        return kinks.attempt_past_kinks(own, replace(first, steps=steps), OPTIONS, attempt, lambda *_: first)
+
+    assert past(12) is passed
+    assert asked == [12, 48]
+    assert past(60) is passed
+    assert asked == [60]
+    assert past(11).message == "too short"
+    assert asked[:2] == [11, 44]
+    asked.clear()
+    assert past(400) is passed
+    assert asked == [400]
+    most = [kinks._with_more_time_steps(own, replace(first, steps=steps)) for steps in (200, 400)]
+    assert [state and state.steps for state in most] == [400, None]
 
 
 def test_far_from_grazing_a_width_is_tried_when_no_step_is_left() -> None:

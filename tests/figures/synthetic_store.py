@@ -278,6 +278,7 @@ def cycles(points: int = 40) -> tuple[Arrays, list[dict[str, Any]]]:
         "newton_iterations": np.full(points, 4),
         "steps_per_period": np.full(points, 50),
         "step_error": np.full(points, 5e-7),
+        "coarser_error": np.full(points, 1.6e-5),
         "unstable_count": unstable,
         "unexplained": np.zeros(len(unstable), dtype=np.int8),
         "orbit": orbit,

@@ -85,8 +85,8 @@ def write_curve(
     events.sort(key=lambda event: event["event_after_point"])
     extra = {"period": 9.0, "step": 0.02, "kappa": 0.3, "kappa_slope": 0.0, "newton_iterations": 4,
              "normal_form": -1.0 + 0j, "normal_form_error": 0.01, "alignment": 0.5, "multiplier_count": 4,
-             "steps_per_period": 50, "step_error": 1e-7, "clipping_width": 0.0, "width_effect": 0.0,
-             "grazing_gauge": -0.1, "grazing_bearing": 0, "grazing_angle": 1.0,
+             "steps_per_period": 50, "step_error": 1e-7, "coarser_error": 3e-6, "clipping_width": 0.0,
+             "width_effect": 0.0, "grazing_gauge": -0.1, "grazing_bearing": 0, "grazing_angle": 1.0,
              "grazing_phase": 2.0}  # fmt: skip
     attributes = {"bifurcation": bifurcation, "parameters": ["excitation_frequency", "speed"],
                   "ranges": [list(interval) for interval in PLANE], "turns": 1,

@@ -99,6 +99,34 @@ def test_the_error_is_not_above_twice_what_is_told(overrides: tuple[str, ...]) -
     assert told >= 12
 
 
+@pytest.mark.parametrize(
+    ("error", "coarser", "expected"),
+    [
+        (4e-4, 9e-4, 143),  # kinks rule the error: half as many and a margin, rounded, are enough
+        (4e-4, 2e-3, 258),  # half as many are not
+        (4e-4, math.nan, 258),
+        (math.nan, 1e-5, 258),
+        (1e-6, 3.2e-5, 73),  # smooth: what its order predicts, 1.1 258 (1e-3)^(1/5), is fewer still
+    ],
+)
+def test_fewer_steps_follow_where_half_as_many_were_enough(
+    error: float, coarser: float, expected: int
+) -> None:
+    problem, _ = machine_problem("numerics.multiplier_tolerance=1e-3", *COARSE)
+    assert next_steps(problem, RequiredSteps(258, error, coarser)) == expected
+
+
+def test_the_error_of_half_as_many_steps() -> None:
+    """Told from the pass with half as many, it is nearly what those steps tell of themselves."""
+    problem, guess = machine_problem("excitation.displacement=0.05", *COARSE)
+    told = {}
+    for steps in (24, 48):
+        cycle = cycle_with(problem, guess, steps, first_basis(problem, guess, steps))
+        told[steps] = required_steps(problem, cycle)
+    assert told[48].coarser == pytest.approx(told[24].error, rel=0.5)
+    assert told[48].coarser == pytest.approx(32.0 * told[48].error, rel=1e-12)
+
+
 def test_the_row_of_the_weightless_machine() -> None:
     """4.0e-7 was told with 400 steps where the multipliers are wrong by 8.8e-6."""
     problem, guess = machine_problem("rotor.gravity=0")
@@ -262,7 +290,7 @@ def test_stability_is_a_lower_bound_and_has_a_cap() -> None:
     assert steps == stable_steps(problem.period_map, 1000.0, 2.0 * math.pi)
     cycle = cycle_with(problem, guess, steps, np.eye(1))
     assert required_steps(problem, cycle).steps == steps
-    assert next_steps(problem, steps, 1e-30) == steps
+    assert next_steps(problem, RequiredSteps(steps, 1e-30, 1e-30)) == steps
     stiff = decay(1e7)
     assert first_steps(stiff, guess) is NewtonStop.TOO_STIFF
     result = continue_branch(stiff, BranchStart(np.zeros(1), 1.0), ContinuationOptions((0.5, 2.0)), print)

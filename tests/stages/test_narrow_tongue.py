@@ -14,6 +14,7 @@ from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
 from pipelines.stages.curves.open_ends import caution, open_ends
+from pipelines.stages.curves.parts import compute_curve, curve_parts
 from pipelines.stages.curves.starts import StartQueue
 from pipelines.stages.job import Job, Origin
 from tests.helpers.tiny import Watched, tiny_case
@@ -119,6 +120,29 @@ def test_the_boundary_is_followed_whatever_kinds_are_asked_for(limit: Path) -> N
     assert pending.start.problem.kind is EventKind.PERIOD_DOUBLING
     assert pending.start.origin == Origin("ns/c000", 0)
     assert pending.start.guess.width == group(limit, "ns/c000")["event_width"][0]
+
+
+def test_the_boundary_is_followed_no_further_until_that_is_asked_for(limit: Path, tmp_path: Path) -> None:
+    """Above the far R2 the period doublings lie among unstable cycles: `agfb track-pd` follows them there."""
+    path = tmp_path / "a.zarr"
+    shutil.copytree(limit, path)
+    at = Job.of("test", tiny_case(*PLANE, WIDE), path, lambda progress: None, lambda: False)
+    others = (EventKind.PERIOD_DOUBLING, EventKind.FOLD)
+    queue = StartQueue(at, (EventKind.NEIMARK_SACKER,), boundaries=True, continued=others)
+    while (part := next(curve_parts(queue), None)) is not None:
+        compute_curve(at, part)
+    halves = {name: group(path, name) for name in groups(path, "pd")}
+    assert sorted(halves) == ["pd/c000", "pd/c001"]
+    assert {half.attributes["stop_reason"] for half in halves.values()} == {"leaves_boundary"}
+    (below,) = (name for name, half in halves.items() if half.n_points > 2)
+    assert set(halves[below]["unstable_count"][1:-1].tolist()) == {0}
+    assert halves[below]["unstable_count"][-1] == 1
+    assert halves[below].labels("event_kind")[-1] == "R2"
+    assert open_ends(open_for_reading(path), "smoke") == []
+    assert queue.next() is None
+    traced(path, WIDE, "track_pd")
+    assert group(path, "pd/c000").attributes["stop_reason"] == "closed"
+    assert open_ends(open_for_reading(path), "smoke") == []
 
 
 def test_interrupted_curves_resume_to_the_same_bytes(whole: Path, tmp_path: Path) -> None:

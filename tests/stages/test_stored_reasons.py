@@ -35,7 +35,7 @@ def test_reasons_of_sweeps_and_searches() -> None:
     ("stops", "own"),
     [
         (BranchStop, {"closed"}),
-        (CurveStop, {"closed", "resonance_1", "resonance_2", "traced"}),
+        (CurveStop, {"closed", "leaves_boundary", "resonance_1", "resonance_2", "traced"}),
         (TorusStop, {"rough", "collapsed"}),
     ],
 )

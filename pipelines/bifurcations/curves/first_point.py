@@ -59,7 +59,7 @@ def start_curve(
         return Rejected(opened)
     if resonant_end(problem.kind, opened.point.cos_theta) is not None:
         opened = _facing_inwards(problem, opened, options, metric)
-    opened = replace(opened, point=replace(opened.point, step_error=required.error))
+    opened = with_errors(opened, required)
     opened = with_normal_form(opened, metric, options.normal_form)
     at = opened.position
     if problem.period_map.autonomous:
@@ -201,8 +201,14 @@ def columns_of(problem: CurveProblem, end: CurveEnd) -> dict[str, Any]:
         "tests": end.tests,
         "steps": cycle.steps,
         "step_error": end.point.step_error,
+        "coarser_error": end.point.coarser_error,
         "basis": adapted_basis(cycle.basis, cycle.image.columns, problem.options.basis),
     }
+
+
+def with_errors(end: CurveEnd, required: RequiredSteps) -> CurveEnd:
+    """The end with what its time steps leave in the multipliers."""
+    return replace(end, point=replace(end.point, step_error=required.error, coarser_error=required.coarser))
 
 
 def required_steps_of(

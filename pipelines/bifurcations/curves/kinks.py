@@ -2,8 +2,9 @@
 
 Where a cycle touches the border between two pieces without crossing it, the multipliers have a corner as
 functions of the parameters, and so has the curve; where it turns by more than a right angle, no step ends
-ahead.  The map regularised over a half width w is smooth there, and elsewhere its curve is nearly that of the
-exact map.  The width is a homotopy parameter: a point u_0 moves to u_w in the plane across the curve,
+ahead.  Time steps leave some of that wherever an orbit is not smooth in time: more of them are tried first.
+The map regularised over a half width w is smooth there, and elsewhere its curve is nearly that of the exact
+map.  The width is a homotopy parameter: a point u_0 moves to u_w in the plane across the curve,
 
     phi_w(s, T, lambda) - s = 0,    phase(s) = 0,    g_w(s, T, lambda) = 0,    <t, u_w - u_0> = 0
 
@@ -38,6 +39,7 @@ from pipelines.bifurcations.plane import CurveProblem
 from pipelines.orbits.floquet import orthonormal
 from pipelines.orbits.shooting import reference_of
 from pipelines.orbits.system import Matrix
+from pipelines.orbits.time_steps import most_steps
 
 Attempt = Callable[[CurveProblem, CurveState], CurveStep | Rejected]
 Advance = Callable[[CurveState, CurveStep], CurveState]
@@ -45,6 +47,7 @@ Advance = Callable[[CurveState, CurveStep], CurveState]
 _SHORTEST, _LONGEST = 4.0, 1000.0  # a step is short below 4 shortest ones or a 1000th of the longest one
 _TRIED = 4.0  # times that length: first step on a smoother map
 _RECOVERED = 8.0  # likewise: the kink lies behind, the exact map is tried again
+_FINER = 4.0  # times as many time steps: the rest of a kink, of order 3/2, is an eighth
 _ALIKE = 0.9  # cosine between the critical vectors of one curve before and after a change of the width
 _RETREAT = 4.0  # ratio of the distances by which a smoother curve may begin further back
 _MOST_STEPS = 30  # back to the last point
@@ -54,13 +57,19 @@ _NEAR = 0.5  # of the step: a point that moves further may come to another curve
 def attempt_past_kinks(
     problem: CurveProblem, state: CurveState, options: CurveOptions, attempt: Attempt, advance: Advance
 ) -> CurveStep | Rejected:
-    """One step on the map of the state; where that is too short beside a kink, on a smoother map.
+    """One step on the map of the state; where that is too short beside a kink, with more time steps.
 
-    The widths are tried in their order, beginning with the first one above that of the state.
+    If these do not help, on a smoother map: the widths are tried in their order, beginning with the first one
+    above that of the state.
     """
-    step = attempt(problem.with_width(state.clipping_width), state)
+    own = problem.with_width(state.clipping_width)
+    step = attempt(own, state)
     if isinstance(step, Rejected) and _stops_at_kink(problem, state, options, step):
-        step = _on_smoother_map(problem, state, options, attempt, advance) or step
+        finer = _with_more_time_steps(problem, state)
+        past = step if finer is None else attempt(own, finer)
+        if isinstance(past, Rejected):
+            past = _on_smoother_map(problem, state, options, attempt, advance) or step
+        step = past
     if isinstance(step, Rejected) or step.begin.clipping_width == 0.0:
         return step
     return _beside_exact_map(problem, step, options)
@@ -84,6 +93,14 @@ def _stops_at_kink(problem: CurveProblem, state: CurveState, options: CurveOptio
     parameters = own.parameters_at(state.position)
     orbit = own.period_map.evaluate(state.state, parameters, state.period, state.steps).orbit
     return problem.kinks.distance(orbit, parameters) <= problem.kinks.widths[-1]
+
+
+def _with_more_time_steps(problem: CurveProblem, state: CurveState) -> CurveState | None:
+    """The state whose next step takes more time steps, of unknown error; None if there are no more."""
+    steps = most_steps(problem.period_map, _FINER * state.steps)
+    if steps <= state.steps:
+        return None
+    return replace(state, steps=steps, step_error=math.nan, coarser_error=math.nan)
 
 
 def _on_smoother_map(
@@ -153,7 +170,11 @@ def _state_with_width(
     end = _moved(problem, state, options, width, back)
     if end is None or not _is_same_curve(problem, state, end, options, back):
         return None
-    kept = {"step_error": state.step_error, "tests": np.where(np.isnan(end.tests), state.tests, end.tests)}
+    kept = {
+        "step_error": state.step_error,
+        "coarser_error": state.coarser_error,
+        "tests": np.where(np.isnan(end.tests), state.tests, end.tests),
+    }
     straight = {"bend_state": np.zeros_like(end.position.state), "bend_parameters": np.zeros(2)}
     return replace(
         state,
@@ -172,7 +193,8 @@ def _beside_exact_map(problem: CurveProblem, step: CurveStep, options: CurveOpti
     if exact is None or not _may_go_back(problem, step.begin, at_end, options):
         return _with_effect(problem, step, at_end, exact, options)
     end = with_normal_form(exact, curve_metric(problem, options, step.begin.start), options.normal_form)
-    effort = {name: getattr(step.point, name) for name in ("newton_iterations", "step_error", "unlocated")}
+    names = ("newton_iterations", "step_error", "coarser_error", "unlocated")
+    effort = {name: getattr(step.point, name) for name in names}
     return replace(step, end=replace(end, point=replace(end.point, **effort)))
 
 

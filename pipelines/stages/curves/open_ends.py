@@ -24,7 +24,7 @@ from pipelines.stages.ending import stop_reasons
 from pipelines.stages.job import Origin
 
 _NAMES = (*TRACED, "kappa", "unstable_count")
-_CLOSED = stop_reasons([CurveStop.RANGE, CurveStop.CLOSED, CurveStop.TRACED])
+_CLOSED = stop_reasons([CurveStop.RANGE, CurveStop.CLOSED, CurveStop.TRACED, CurveStop.LEAVES_BOUNDARY])
 _RESONANT = stop_reasons([CurveStop.RESONANCE_1, CurveStop.RESONANCE_2])
 
 

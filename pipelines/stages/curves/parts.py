@@ -53,7 +53,7 @@ def compute_curve(job: Job, part: Part) -> None:
     """Trace a curve in one direction, until it ends or is stopped."""
     half = part.arguments["half"]
     known = known_curves(job, part.arguments["known"])
-    trace_curve(job, _start_of(job, part), part.group, half, BOTH_WAYS[half], known)
+    trace_curve(job, _start_of(job, part), part.group, half, known, part.arguments["boundary"])
 
 
 def curve_is_needed(job: Job, part: Part) -> bool:
@@ -98,7 +98,7 @@ def _group_ahead(start: Start, half: int) -> str:
 def _takes_turn(job: Job, pending: PendingCurve) -> bool:
     """Whether a half that was traced ahead has taken its turn, or is removed."""
     start, half = pending.start, len(pending.groups)
-    if not all(has_ended_for_good(job, pending.known[name]) for name in pending.groups):
+    if not all(has_ended_for_good(job, pending.known[name], pending.boundary) for name in pending.groups):
         return False
     ahead = _group_ahead(start, half)
     if not has_status_ended(job, ahead):
@@ -123,7 +123,7 @@ def _parts_in_turn(job: Job, pending: PendingCurve) -> Iterator[Part]:
         ahead = _group_ahead(pending.start, half)
         if half < len(pending.groups):
             group = pending.groups[half]
-            if not has_ended_for_good(job, pending.known[group]):
+            if not has_ended_for_good(job, pending.known[group], pending.boundary):
                 wanted = True
                 yield _part(pending, half, group)
         elif not wanted:
@@ -175,6 +175,7 @@ def _part(
         "kind": start.problem.kind.name.lower(),
         "origin": [start.origin.group, start.origin.event],
         "half": half,
+        "boundary": pending.boundary,
         "known": pending.traced_before,
         "after": list(after),
     }

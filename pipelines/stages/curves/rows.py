@@ -128,6 +128,7 @@ def point_row(
         "alignment": point.alignment,
         "steps_per_period": state.steps,
         "step_error": state.step_error,
+        "coarser_error": state.coarser_error,
         "clipping_width": state.clipping_width,
         "width_effect": point.width_effect,
     }
@@ -278,6 +279,7 @@ def resumed_state(newest: Resume, rows: Mapping[str, Array], names: tuple[str, s
         "previous_arclength": rows["arclength"][previous],
         "steps": row["steps_per_period"],
         "step_error": row["step_error"],
+        "coarser_error": row["coarser_error"],
         "clipping_width": row["clipping_width"],
         "basis": slots["basis"][:, :columns],
         "start_state": rows["state"][0],

@@ -28,6 +28,7 @@ from pipelines.stages.cycles.rows import EVENT_NAMES, stored_event
 from pipelines.stages.job import Job, Origin
 
 WANTING_POINTS = CurveStop.MAXIMUM_POINTS.name.lower()
+LEAVES_BOUNDARY = CurveStop.LEAVES_BOUNDARY.name.lower()
 BOTH_WAYS = (1, -1)
 
 
@@ -50,11 +51,15 @@ class Start:
 
 @dataclass(frozen=True)
 class PendingCurve:
-    """A start whose curve is to be traced: the groups that it already has, and all curves of its kind."""
+    """A start whose curve is to be traced: the groups that it already has, and all curves of its kind.
+
+    ``boundary``: whether it is traced only where it bounds stable cycles.
+    """
 
     start: Start
     groups: tuple[str, ...]
     known: Mapping[str, Group]
+    boundary: bool
 
     @property
     def traced_before(self) -> list[str]:
@@ -100,10 +105,11 @@ class StartQueue:
                 if kind in self.continued and not (start.continues and start.bounds):
                     continue
                 mine = tuple(name for name in known if origins[name] == start.origin)
-                if mine and not _is_finished(self.job, start, [known[name] for name in mine]):
-                    yield PendingCurve(start, mine, known)
+                pending = PendingCurve(start, mine, known, kind in self.continued)
+                if mine and not _is_finished(self.job, pending):
+                    yield pending
                 elif not mine and (start.bounds or not self.boundaries):
-                    candidates.append(PendingCurve(start, (), known))
+                    candidates.append(pending)
         for each in candidates:
             settled = (each.start.problem.kind, each.start.origin) in self.settled
             if not settled and self._needs_curve(each.start, each.known):
@@ -126,14 +132,20 @@ class StartQueue:
         return False
 
 
-def _is_finished(job: Job, start: Start, halves: Sequence[Group]) -> bool:
-    """Whether the curve of a start has ended in both directions, and not at the largest number of points."""
-    ended = all(has_ended_for_good(job, half) for half in halves)
-    return ended and (len(halves) == len(BOTH_WAYS) or is_whole(start, halves[0]))
+def _is_finished(job: Job, pending: PendingCurve) -> bool:
+    """Whether the curve of a start has ended for good in both directions."""
+    halves = [pending.known[name] for name in pending.groups]
+    ended = all(has_ended_for_good(job, half, pending.boundary) for half in halves)
+    return ended and (len(halves) == len(BOTH_WAYS) or is_whole(pending.start, halves[0]))
 
 
-def has_ended_for_good(job: Job, curve: Group) -> bool:
-    """Whether a curve has ended, and not at the largest number of points."""
+def has_ended_for_good(job: Job, curve: Group, boundary: bool) -> bool:
+    """Whether a curve has ended, not at the largest number of points, nor because it leaves a boundary.
+
+    Where only the ``boundary`` is wanted, it has ended also there.
+    """
+    if curve.attributes.get("stop_reason") == LEAVES_BOUNDARY and not boundary:
+        return False
     most = job.case.track_curves.max_points
     return has_ended(curve.attributes, curve.n_points, WANTING_POINTS, most)
 

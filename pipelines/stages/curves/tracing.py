@@ -19,19 +19,19 @@ from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.stages.curves.rows import RESUMED, CurveRecorder, curve_sizes, resumed_state, traced
-from pipelines.stages.curves.starts import WANTING_POINTS, Start, parameter_scales
+from pipelines.stages.curves.starts import BOTH_WAYS, LEAVES_BOUNDARY, WANTING_POINTS, Start, parameter_scales
 from pipelines.stages.cycles.problem import EVENT_SHARE, NORMAL_FORM, kinks_of, smooth_maps
 from pipelines.stages.ending import store_end
 from pipelines.stages.job import Job, coordinates
 
 
 def trace_curve(
-    job: Job, start: Start, group: str, half: int, direction: int, known: Mapping[str, KnownCurve]
+    job: Job, start: Start, group: str, half: int, known: Mapping[str, KnownCurve], boundary: bool
 ) -> None:
-    """Follow a curve from its start or from its last committed point.
+    """Follow a curve from its start or from its last committed point, in one of both directions.
 
     It ends for a reason of its own, where it coincides with one of the ``known`` curves, or when the stage
-    is asked to stop.
+    is asked to stop; also where it leaves the ``boundary`` of stable cycles if only that is wanted.
     """
     table = job.case.track_curves
     attributes = {
@@ -47,12 +47,19 @@ def trace_curve(
     sizes = curve_sizes(job.machine, job.case, start.problem)
     static = coordinates(job.case)
     with open_branch(job.store, job.path(group), "curve", sizes, static, attributes) as curve:
-        if not curve.is_complete(WANTING_POINTS, table.max_points):
-            _follow(job, start, group, curve, direction, known)
+        left = curve.stop_reason == LEAVES_BOUNDARY and not boundary
+        if left or not curve.is_complete(WANTING_POINTS, table.max_points):
+            options = replace(curve_options(job, BOTH_WAYS[half]), boundary=boundary)
+            _follow(job, start, group, curve, options, known)
 
 
 def _follow(
-    job: Job, start: Start, group: str, curve: BranchWriter, direction: int, known: Mapping[str, KnownCurve]
+    job: Job,
+    start: Start,
+    group: str,
+    curve: BranchWriter,
+    options: CurveOptions,
+    known: Mapping[str, KnownCurve],
 ) -> None:
     case = job.case
     problem = replace(start.problem, kinks=kinks_of(case, job.machine, start.problem.period_map))
@@ -70,7 +77,6 @@ def _follow(
         job.report_progress(
             0, None, f"{group}: starting from {start.origin.group}, event {start.origin.event}"
         )
-    options = curve_options(job, direction)
     if problem.kind is not EventKind.NEIMARK_SACKER:
         options = around_tongue(options, start.guess.width)
     result = continue_curve(

@@ -32,6 +32,7 @@ COMPLETE = frozenset(
         CurveStop.MAXIMUM_POINTS,
         CurveStop.LIMIT,
         CurveStop.TRACED,
+        CurveStop.LEAVES_BOUNDARY,
     }
 )
 

@@ -150,6 +150,7 @@ def point_row(case: Case, point: BranchPoint, state: BranchState, shape: CycleSh
         "newton_history": np.array(point.residual_norms),
         "steps_per_period": state.steps,
         "step_error": state.step_error,
+        "coarser_error": state.coarser_error,
     }
 
 
@@ -239,6 +240,7 @@ def resumed_state(newest: Resume, rows: Mapping[str, Array], parameter: str) -> 
             "arclength": row["arclength"],
             "steps": row["steps_per_period"],
             "step_error": row["step_error"],
+            "coarser_error": row["coarser_error"],
             "basis": newest.slots["basis"][:, :columns],
             "multipliers": row["multipliers"][:count],
             "previous_state": rows["state"][previous],
