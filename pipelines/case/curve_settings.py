@@ -116,8 +116,7 @@ class BifurcationSet(UnitsTable):
 
     kinds: tuple[Kind, ...] = table(
         "kinds of curves that are followed; without `fold` the search is faster where films "
-        "touch ambient pressure, but most losses of stability by folds are missing; the curve at which a "
-        "boundary of stable cycles goes on from the end of a Neimark-Sacker curve is followed in any case",
+        "touch ambient pressure, but most losses of stability by folds are missing",
         ("period_doubling", "neimark_sacker", "fold"),
         min_length=1,
         max_length=3,
@@ -127,6 +126,12 @@ class BifurcationSet(UnitsTable):
         "whether to trace only curves that bound stable cycles where a branch or another curve meets them; "
         "curves of cycles that are unstable there are skipped, even if they bound stable cycles elsewhere",
         False,
+    )
+    continue_boundaries: bool = table(
+        "whether to follow, at the end of a Neimark-Sacker curve that bounds stable cycles, the folds or "
+        "period doublings that continue the boundary, even if `kinds` leaves these out; folds of large "
+        "cycles whose films touch ambient pressure may take longer than all other curves",
+        True,
     )
     frequencies: int = quantity(
         "branches along the speed in the first round, at equally spaced excitation frequencies",

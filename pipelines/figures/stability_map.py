@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from pipelines.datasets.curves import BifurcationCurve, read_curve
+from pipelines.datasets.curves import FINISHED, BifurcationCurve, read_curve
 from pipelines.figures import style
 from pipelines.figures.axes import PARAMETER_AXES, add_right, add_top
 from pipelines.figures.contents import CaseView, Table
@@ -274,11 +274,10 @@ def _draw_regularised(axes: Axes, view: PlaneView) -> list[Line2D]:
 
 def incomplete_ends(view: PlaneView) -> list[tuple[str, float, float]]:
     """Kind of bifurcation and position where a curve continues but was not traced."""
-    complete = {curve.name for curve in view.curves if curve.is_complete}
     return [
         (str(table.attributes["bifurcation"]), float(table[view.x][-1]), float(table[view.y][-1]))
-        for name, table in view.tables.items()
-        if name not in complete and len(table[view.x])
+        for table in view.tables.values()
+        if table.attributes.get("stop_reason") not in FINISHED and len(table[view.x])
     ]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -9,7 +11,13 @@ from matplotlib.figure import Figure
 from pipelines.datasets.reading import read_group
 from pipelines.figures.contents import Table
 from pipelines.figures.drawing import draw_figures
-from pipelines.figures.stability_map import PlaneView, _draw_regularised, parts_of, special_points
+from pipelines.figures.stability_map import (
+    PlaneView,
+    _draw_regularised,
+    incomplete_ends,
+    parts_of,
+    special_points,
+)
 from tests.figures import synthetic_store
 
 
@@ -90,3 +98,15 @@ def test_parts_with_regularised_clipping_have_a_band(store):
     for points, (first, last) in zip(drawn, ((4, 7), (19, 21)), strict=True):
         assert points[[0, -1]] == pytest.approx(curve.points[[first, last]])
     assert _draw_regularised(Figure().subplots(), view_of(store, "ns/c000")) == []
+
+
+@pytest.mark.parametrize(
+    ("stop", "incomplete"), [("range", 0), ("leaves_boundary", 0), ("minimum_step", 1), (None, 1)]
+)
+def test_the_end_of_a_curve_of_one_point_is_marked_where_more_of_it_lies_in_the_plane(stop, incomplete):
+    """A direction that leaves the plane at once has a single point, of which no line can be drawn."""
+    arrays = {"excitation_frequency": np.array([0.2]), "speed": np.array([1.1])}
+    ended = {} if stop is None else {"stop_reason": stop}
+    table = Table(arrays, {"bifurcation": "neimark_sacker", **ended})
+    view = SimpleNamespace(tables={"ns/c001": table}, x="excitation_frequency", y="speed")
+    assert incomplete_ends(view) == [("neimark_sacker", 0.2, 1.1)] * incomplete

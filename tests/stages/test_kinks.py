@@ -14,6 +14,7 @@ from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
 from pipelines.machine.assembly import build_machine
 from pipelines.stages.cycles.problem import cycle_problem, kinks_of
+from pipelines.stages.reports.verify import verify
 from tests.helpers.tiny import ROOT, Watched
 from tests.helpers.trees import compare_trees
 
@@ -106,6 +107,14 @@ def test_resumed_on_a_smoother_map_it_has_the_same_bytes(branched: Path, whole: 
         stopped += 1
     assert stopped > 2
     assert compare_trees(path, whole[0]) == []
+
+
+def test_points_of_smoother_maps_solve_the_equations_of_these(whole: tuple[Path, Watched]) -> None:
+    path, _ = whole
+    findings, checked = verify(path, 1000)
+    assert findings == []
+    name = f"cases/kink/ns/c00{leftwards(path).attributes['half']}"
+    assert sum(each.group == name for each in checked) == leftwards(path).n_points
 
 
 def test_clipped_machines_have_kinks() -> None:

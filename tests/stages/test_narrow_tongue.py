@@ -13,6 +13,7 @@ from pipelines.datasets.integrity import verify
 from pipelines.datasets.reading import list_groups, read_group
 from pipelines.datasets.records import Group
 from pipelines.datasets.store import open_for_reading
+from pipelines.stages.curves.bifurcation_set import plan_bifurcation_set
 from pipelines.stages.curves.open_ends import caution, open_ends
 from pipelines.stages.curves.parts import compute_curve, curve_parts
 from pipelines.stages.curves.starts import StartQueue
@@ -120,6 +121,15 @@ def test_the_boundary_is_followed_whatever_kinds_are_asked_for(limit: Path) -> N
     assert pending.start.problem.kind is EventKind.PERIOD_DOUBLING
     assert pending.start.origin == Origin("ns/c000", 0)
     assert pending.start.guess.width == group(limit, "ns/c000")["event_width"][0]
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_whether_a_search_continues_boundaries_is_its_choice(limit: Path, goes_on: bool) -> None:
+    words = ('bifurcation_set.kinds=["neimark_sacker"]', f"bifurcation_set.continue_boundaries={goes_on}")
+    case = tiny_case(*PLANE, WIDE, *(word.lower() for word in words))
+    queue = plan_bifurcation_set(case, limit, lambda progress: None, lambda: False).queue
+    pending = [each.start.problem.kind for each in queue.pending()]
+    assert pending == ([EventKind.PERIOD_DOUBLING] if goes_on else [])
 
 
 def test_the_boundary_is_followed_no_further_until_that_is_asked_for(limit: Path, tmp_path: Path) -> None:

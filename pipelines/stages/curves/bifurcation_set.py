@@ -78,7 +78,8 @@ def plan_bifurcation_set(
     """The search of a case; each line and each direction of a curve is a part."""
     job = Job.of("bifurcation-set", named, store_path, report, should_stop)
     kinds, boundaries = _kinds(named.case), named.case.bifurcation_set.boundaries
-    others = tuple(kind for kind in EVERY_KIND if kind not in kinds)
+    goes_on = named.case.bifurcation_set.continue_boundaries
+    others = tuple(kind for kind in EVERY_KIND if kind not in kinds) if goes_on else ()
     return SearchPlan(job, StartQueue(job, kinds, boundaries, others))
 
 
@@ -334,6 +335,7 @@ def _write(plan: SearchPlan, lowest: float, sentence: str, ends: Sequence[OpenEn
         "covered": sentence,
         "kinds": [kind.name.lower() for kind in _kinds(case)],
         "boundaries": case.bifurcation_set.boundaries,
+        "continue_boundaries": case.bifurcation_set.continue_boundaries,
         "complete": plan.complete,
         "open_ends": [end.as_dict() for end in ends],
         "passive_instability_speed": None if passive is None else passive.speed,

@@ -4,8 +4,9 @@ Beside the files, a sample of the stored solutions is put into the equations of 
 
     equilibrium   0 = F(s),              cycle   phi_T(s) - s = 0
 
-A cycle is integrated with the time steps of its row, so that its residual is what Newton's method left. A
-line of a survey, which holds no states, is computed again; its residual is the change of a multiplier.
+A cycle is integrated with the time steps and the clipping of its row, so that its residual is what Newton's
+method left. A line of a survey, which holds no states, is computed again; its residual is the change of a
+multiplier.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from pipelines.datasets.store import Store, open_for_reading
 from pipelines.machine import film
 from pipelines.machine.assembly import Machine, build_machine, parameter_vector
 from pipelines.orbits.equilibria.equilibrium import MEAN_PHASE, at_rest
-from pipelines.stages.cycles.problem import cycle_problem
+from pipelines.stages.cycles.problem import cycle_problem, smooth_maps
 from pipelines.stages.parameter_columns import stored_parameters
 from pipelines.stages.survey.line import compute_line, survey_problem
 
@@ -121,13 +122,19 @@ def _cycles(store: Store, group: str, case: Case, machine: Machine, sample: int)
 
     Newton's method uses the same scale.
     """
-    rows = read_group(store, group, ("state", "period", "steps_per_period", *PARAMETERS))
+    of_curve = ("clipping_width",) if read_group(store, group, ()).kind == "curve" else ()
+    rows = read_group(store, group, ("state", "period", "steps_per_period", *of_curve, *PARAMETERS))
     turns = int(rows.attributes.get("turns", 1))
-    period_map = with_multiplied_period(cycle_problem(machine, case), turns).period_map
-    for row in _spread(np.arange(rows.n_points), sample):
+    exact = with_multiplied_period(cycle_problem(machine, case), turns).period_map
+    widths = rows["clipping_width"] if of_curve else np.zeros(rows.n_points)
+    chosen = _spread(np.arange(rows.n_points), sample)
+    regularised = {width: smooth_maps(case, exact, (width,))[0] for width in {*widths[chosen]} if width > 0.0}
+    for row in chosen:
         state, parameters = rows["state"][row], stored_parameters(rows.arrays, row)
         steps = int(rows["steps_per_period"][row])
-        image = period_map.evaluate(state, parameters, float(rows["period"][row]), steps)
+        image = regularised.get(widths[row], exact).evaluate(
+            state, parameters, float(rows["period"][row]), steps
+        )
         scale = max(1.0, float(np.max(np.abs(state))))
         mismatch = float(np.max(np.abs(image.state - state))) / scale
         yield Checked(group, row, mismatch, _SLACK * case.numerics.newton_tolerance)

@@ -194,6 +194,7 @@ def _search_state(here: _Here, curves: StageStatus) -> StageStatus:
     table = here.case.bifurcation_set
     more = search is not None and (
         bool(search.get("boundaries", False)) > table.boundaries
+        or bool(search.get("continue_boundaries", True)) < table.continue_boundaries
         or not set(table.kinds) <= set(search.get("kinds", table.kinds))
     )
     uncertified = table.certify and search is not None and "certificate" not in search
