@@ -148,7 +148,7 @@ class CurveStart:
 class CurveState(ResumableState):
     """Everything that determines the next step, as plain arrays and numbers.
 
-    A curve restarted from a copy of it continues with the same bits. ``state``, the ``tangent_*``, the
+    A curve restarted from a copy of it continues with the same bits.  ``state``, the ``tangent_*``, the
     ``normal_*`` (the second tangent of the surface of cycles, across the curve), the ``gradient_*`` (row of
     the test function) and the ``bend_*`` (change of the tangent per arclength in the last step, zero at
     first) have shape (N,) with (2,) parameters; ``right``, ``left`` (N,), ``right_period``, ``left_phase``,

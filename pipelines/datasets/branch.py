@@ -247,9 +247,9 @@ class BranchWriter:
         )
 
     @property
-    def stop_reason(self) -> str | None:
-        """Why the branch ended; None while it is open."""
-        return self._attributes.get("stop_reason")
+    def attributes(self) -> Mapping[str, Any]:
+        """The attributes of the group, as of the last commit."""
+        return self._attributes
 
     def is_complete(self, wanting_points: str, max_points: int) -> bool:
         """Whether the branch has ended for good (see `has_ended`)."""

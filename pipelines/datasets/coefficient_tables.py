@@ -14,7 +14,7 @@ import numpy as np
 
 from pipelines.datasets.dimensional import StoredScales
 from pipelines.datasets.reading import read_group
-from pipelines.datasets.schema import KINDS, Array
+from pipelines.datasets.schema import Array
 from pipelines.datasets.store import Store
 
 KIND = "coefficients"
@@ -53,8 +53,6 @@ def bearing_table(store: Store, name: str, bearing: int) -> BearingTable:
     group, scales = read_group(store, name, ARRAYS), StoredScales(store, case)
     found = np.isfinite(group["stiffness"]).all(axis=(1, 2, 3, 4))
     speed, frequency = group["speed"][found], group["frequency"]
-    units = [scales.si_unit(group, KINDS[KIND].array(array)) for array in ("stiffness", "damping")]
-    stiffness_unit, damping_unit = (float(unit.factor.ravel()[bearing]) for unit in units if unit is not None)
     return BearingTable(
         case,
         bearing + 1,
@@ -65,8 +63,8 @@ def bearing_table(store: Store, name: str, bearing: int) -> BearingTable:
         frequency * scales.scale["frequency"],
         group["stiffness"][found, :, bearing],
         group["damping"][found, :, bearing],
-        stiffness_unit,
-        damping_unit,
+        float(scales.of_bearings["N/m"][bearing]),
+        float(scales.of_bearings["N s/m"][bearing]),
     )
 
 

@@ -21,9 +21,8 @@ from pipelines.datasets.store import local_name
 
 CRITICAL_MULTIPLIERS = {"period_doubling": 1, "neimark_sacker": 2, "fold": 1}
 CURVE_CONTAINERS = ("pd", "ns", "folds")  # groups of a case that hold curves
-FINISHED = frozenset(
-    {"closed", "range", "resonance_1", "resonance_2", "traced", "leaves_boundary"}
-)  # reasons after which nothing is missing
+# reasons after which nothing is missing
+FINISHED = frozenset({"closed", "range", "resonance_1", "resonance_2", "traced", "leaves_boundary"})
 UNKNOWN = "unset"
 _AT_A_ROW = 1e-12  # of the extent of the curve
 
@@ -60,7 +59,7 @@ class BifurcationCurve:
 
     @property
     def is_complete(self) -> bool:
-        """Whether the curve was traced to an end beyond which none of it lies in the plane."""
+        """Whether the curve was traced to an end beyond which none of it is wanted."""
         return self.stop_reason in FINISHED
 
     @cached_property

@@ -192,7 +192,7 @@ def required_steps_at(
     if stable <= half < steps:
         halved = _change(mapped, basis, projected, half, options.checked_modulus)
     if math.isinf(halved):
-        required, error = max(steps, min(2 * steps, _STEP_CAP * period_map.period_multiple)), math.nan
+        required, error = max(steps, most_steps(period_map, 2 * steps)), math.nan
     else:
         likely = error = _smooth_error(period_map.stepper.order, steps / half, halved)
         if neighbour is None or neighbour.steps != steps or not _near(error, neighbour.error):

@@ -19,7 +19,7 @@ from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind, unstable_count
 from pipelines.bifurcations.plane import CurveFormulation, CurveProblem
 from pipelines.bifurcations.switching import curve_from_event, curve_of_second, with_multiplied_period
-from pipelines.datasets.branch import has_ended
+from pipelines.datasets.branch import BranchWriter, has_ended
 from pipelines.datasets.records import ENDED, Group
 from pipelines.datasets.schema import KINDS
 from pipelines.stages.curves.rows import CONTAINERS, SPECIAL_NAMES, TRACED, stored_special, traced
@@ -28,7 +28,6 @@ from pipelines.stages.cycles.rows import EVENT_NAMES, stored_event
 from pipelines.stages.job import Job, Origin
 
 WANTING_POINTS = CurveStop.MAXIMUM_POINTS.name.lower()
-LEAVES_BOUNDARY = CurveStop.LEAVES_BOUNDARY.name.lower()
 BOTH_WAYS = (1, -1)
 
 
@@ -139,12 +138,13 @@ def _is_finished(job: Job, pending: PendingCurve) -> bool:
     return ended and (len(halves) == len(BOTH_WAYS) or is_whole(pending.start, halves[0]))
 
 
-def has_ended_for_good(job: Job, curve: Group, boundary: bool) -> bool:
+def has_ended_for_good(job: Job, curve: Group | BranchWriter, boundary: bool) -> bool:
     """Whether a curve has ended, not at the largest number of points, nor because it leaves a boundary.
 
     Where only the ``boundary`` is wanted, it has ended also there.
     """
-    if curve.attributes.get("stop_reason") == LEAVES_BOUNDARY and not boundary:
+    left = curve.attributes["stop_reason"] == CurveStop.LEAVES_BOUNDARY.name.lower()
+    if left and not boundary:
         return False
     most = job.case.track_curves.max_points
     return has_ended(curve.attributes, curve.n_points, WANTING_POINTS, most)

@@ -19,7 +19,7 @@ from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import EventKind
 from pipelines.datasets.branch import BranchWriter, open_branch
 from pipelines.stages.curves.rows import RESUMED, CurveRecorder, curve_sizes, resumed_state, traced
-from pipelines.stages.curves.starts import BOTH_WAYS, LEAVES_BOUNDARY, WANTING_POINTS, Start, parameter_scales
+from pipelines.stages.curves.starts import BOTH_WAYS, Start, has_ended_for_good, parameter_scales
 from pipelines.stages.cycles.problem import EVENT_SHARE, NORMAL_FORM, kinks_of, smooth_maps
 from pipelines.stages.ending import store_end
 from pipelines.stages.job import Job, coordinates
@@ -47,8 +47,7 @@ def trace_curve(
     sizes = curve_sizes(job.machine, job.case, start.problem)
     static = coordinates(job.case)
     with open_branch(job.store, job.path(group), "curve", sizes, static, attributes) as curve:
-        left = curve.stop_reason == LEAVES_BOUNDARY and not boundary
-        if left or not curve.is_complete(WANTING_POINTS, table.max_points):
+        if not has_ended_for_good(job, curve, boundary):
             options = replace(curve_options(job, BOTH_WAYS[half]), boundary=boundary)
             _follow(job, start, group, curve, options, known)
 

@@ -101,7 +101,9 @@ def _residuals(store: Store, group: str, case: Case, machine: Machine, sample: i
     if kind == "linear":
         yield from _equilibria(store, group, case, machine, sample)
     elif kind in CYCLES:
-        yield from _cycles(store, group, case, machine, sample)
+        yield from _cycles(
+            store, group, case, machine, sample, ("clipping_width",) if kind == "curve" else ()
+        )
     elif kind == "survey":
         yield from _lines(store, group, case, machine, sample)
 
@@ -117,16 +119,17 @@ def _equilibria(store: Store, group: str, case: Case, machine: Machine, sample: 
         yield Checked(group, row, float(np.max(np.abs(rates))), _SLACK * left)
 
 
-def _cycles(store: Store, group: str, case: Case, machine: Machine, sample: int) -> Iterator[Checked]:
+def _cycles(
+    store: Store, group: str, case: Case, machine: Machine, sample: int, more: tuple[str, ...]
+) -> Iterator[Checked]:
     """Mismatches of stored cycles after their period, relative to the largest component.
 
-    Newton's method uses the same scale.
+    Newton's method uses the same scale.  ``more``: further arrays that these cycles have.
     """
-    of_curve = ("clipping_width",) if read_group(store, group, ()).kind == "curve" else ()
-    rows = read_group(store, group, ("state", "period", "steps_per_period", *of_curve, *PARAMETERS))
+    rows = read_group(store, group, ("state", "period", "steps_per_period", *more, *PARAMETERS))
     turns = int(rows.attributes.get("turns", 1))
     exact = with_multiplied_period(cycle_problem(machine, case), turns).period_map
-    widths = rows["clipping_width"] if of_curve else np.zeros(rows.n_points)
+    widths = rows.arrays.get("clipping_width", np.zeros(rows.n_points))
     chosen = _spread(np.arange(rows.n_points), sample)
     regularised = {width: smooth_maps(case, exact, (width,))[0] for width in {*widths[chosen]} if width > 0.0}
     for row in chosen:
