@@ -51,9 +51,14 @@ class RunView:
 
     @property
     def over_speed(self) -> bool:
-        """Whether the run is drawn over the speed, which then only rises or only falls."""
-        steps = np.diff(self.run["speed"])
-        return self.speed_changes and bool(np.all(steps >= 0.0) or np.all(steps <= 0.0))
+        """Whether the run is drawn over the speed, which then only rises or only falls.
+
+        A run that stays at one speed for more than half of its samples is drawn over time.
+        """
+        speed = self.run["speed"]
+        steps, stays = np.diff(speed), np.unique(speed, return_counts=True)[1].max()
+        one_way = bool(np.all(steps >= 0.0) or np.all(steps <= 0.0))
+        return self.speed_changes and one_way and bool(stays <= len(speed) / 2)
 
     def along(self, part: str) -> NDArray[np.float64]:
         """Speed or time of the ``window`` or ``piece`` of the analysis, whichever the run is drawn over."""

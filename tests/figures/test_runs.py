@@ -93,6 +93,13 @@ def test_a_speed_that_goes_up_and_down_is_drawn_over_time(runs):
     assert runs[0].over_speed
 
 
+def test_a_run_that_stays_at_one_speed_most_of_the_time_is_drawn_over_time(runs):
+    speed = runs[0].run["speed"].copy()
+    speed[len(speed) // 2 - 2 :] = speed.max()
+    table = Table({**runs[0].run.arrays, "speed": speed}, runs[0].run.attributes)
+    assert not replace(runs[0], run=table).over_speed
+
+
 def test_unbalances_are_labelled_and_drawn_over_each_other(view, runs):
     figure = draw_unbalance(view, runs)
     (legend,) = figure.legends
