@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import cdist
 
 from pipelines.datasets.curves import FINISHED, BifurcationCurve, read_curve
 from pipelines.figures import style
@@ -24,6 +26,7 @@ from pipelines.figures.resonance_lines import draw_frequencies, draw_resonances,
 HORIZONTAL_FIRST = ("excitation_frequency", "displacement", "foil_stiffness", "speed")
 SAMPLES = 12  # of the cubic between two rows
 ALIKE = 0.004  # of the plane: special points of one kind this close are one point, met on two curves
+NEAR, CROWD = 0.04, 3  # of the plane: so many points of one kind, each this near to another, share a label
 LABEL_SIZE = 6.5
 
 CURVE_KINDS = {
@@ -126,8 +129,7 @@ def draw_stability_map(case: CaseView, view: PlaneView, scan_lines: bool = False
     add_second_axes(axes, top, view, case)
     style.legend_below(figure, handles, 4)
     style.finish(figure, f"{case.name}: bifurcation set{_constants(view)}{_progress(view)}", case.note)
-    labels = [Label(_special_name(kind), x, y) for kind, x, y, _ in special_points(view)]
-    place_labels(axes, figure.canvas.get_renderer(), labels, _drawn_points(view), LABEL_SIZE)  # type: ignore[attr-defined]
+    place_labels(axes, figure.canvas.get_renderer(), point_labels(view), _drawn_points(view), LABEL_SIZE)  # type: ignore[attr-defined]
     return figure
 
 
@@ -313,6 +315,26 @@ def special_points(view: PlaneView) -> list[tuple[str, float, float, bool]]:
             if not any(same):
                 found.append((str(kind), float(x), float(y), bool(ok)))
     return found
+
+
+def point_labels(view: PlaneView) -> list[Label]:
+    """A label for each point of codimension two; one with their number for a crowd of one kind."""
+    places: dict[str, list[tuple[float, float]]] = {}
+    for kind, x, y, _ in special_points(view):
+        places.setdefault(kind, []).append((x, y))
+    size = [np.ptp(view.ranges[name]) for name in (view.x, view.y)]
+    labels: list[Label] = []
+    for kind, points in places.items():
+        scaled = np.array(points) / size
+        _, groups = connected_components(cdist(scaled, scaled) <= NEAR)
+        for group in np.unique(groups):
+            members = [points[index] for index in np.flatnonzero(groups == group)]
+            if len(members) >= CROWD:
+                middle = members[len(members) // 2]
+                labels.append(Label(f"{len(members)} {_special_name(kind)}", *middle))
+            else:
+                labels += [Label(_special_name(kind), *point) for point in members]
+    return labels
 
 
 def _draw_special_points(axes: Axes, view: PlaneView) -> list[Line2D]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +17,7 @@ from pipelines.figures.stability_map import (
     _draw_regularised,
     incomplete_ends,
     parts_of,
+    point_labels,
     special_points,
 )
 from tests.figures import synthetic_store
@@ -68,6 +70,22 @@ def test_a_special_point_on_two_curves_is_marked_once(store):
     kinds = [kind for kind, *_ in found]
     assert kinds.count("flip_neimark_sacker") == 1, "on the threshold and on the wall of the tongue"
     assert len(found) == alone - 1
+
+
+def test_a_crowd_of_one_kind_shares_a_label(store):
+    """Three in a chain are a crowd with their number, two are not; points of another kind keep their own."""
+    view = view_of(store, "ns/c000")
+    (low, high), (bottom, top) = (view.ranges[name] for name in (view.x, view.y))
+    places = [0.10, 0.12, 0.14, 0.50, 0.52, 0.11]
+    kinds = ["chenciner"] * 5 + ["resonance_3"]
+    events = {
+        "event_kind": np.array(kinds),
+        f"event_{view.x}": low + (high - low) * np.array(places),
+        f"event_{view.y}": np.full(len(places), 0.5 * (bottom + top)),
+        "event_residual": np.zeros(len(places)),
+    }
+    crowded = replace(view, tables={"ns/c000": Table(events, {})})
+    assert sorted(label.text for label in point_labels(crowded)) == ["3 CH", "CH", "CH", "resonance_3"]
 
 
 @pytest.mark.slow
