@@ -103,6 +103,23 @@ $(NUMBERED) $(LETTERED): $(INSTALLED)
 	$(foreach stage,$(STAGES_$(number)),$(call compute,$(stage)))
 	$(foreach letter,$(letters),$(call draw,$(letter)))
 
+# What the paper leaves open, on the same machine.
+.PHONY: map gain energy
+map: $(INSTALLED) ## the set of Fig. 3b for its largest displacement with the type of every bifurcation
+	$(BIN)/agfb run configs/paper/fig3.toml -o $(PAPER)/map.zarr --case 'stiffness=10_displacement=0.2' --no-figures \
+		--set track_curves.normal_forms=true --workers $(WORKERS) $(OPTIONS)
+	$(BIN)/agfb figures $(PAPER)/map.zarr -o $(PAPER)/figures/map.png --figure stability
+
+gain: $(INSTALLED) ## how the anti-resonance grows with the displacement of the rings
+	$(BIN)/agfb run configs/paper/gain.toml -o $(PAPER)/gain.zarr --no-figures --workers $(WORKERS) $(OPTIONS) \
+		|| test $$? -eq 3
+	$(foreach stiffness,10 50,$(BIN)/agfb figures $(PAPER)/gain.zarr -o $(PAPER)/figures/gain$(stiffness).png \
+		--figure sets --case 'stiffness=$(stiffness)_*' &&) true
+
+energy: $(INSTALLED) ## a whirl that the rings stop: motion and energies of the modes
+	$(BIN)/agfb transient configs/paper/energy.toml -o $(PAPER)/energy.zarr $(OPTIONS)
+	$(BIN)/agfb figures $(PAPER)/energy.zarr -o $(PAPER)/figures/energy.png --figure modal-energy
+
 .PHONY: readings
 readings: $(INSTALLED) ## what other readings of the paper change: 72 branches, build/paper/figures/readings.png
 	$(BIN)/agfb continue-cycles configs/paper/readings.toml -o $(PAPER)/readings.zarr --workers $(WORKERS) $(OPTIONS) \

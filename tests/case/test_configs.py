@@ -48,7 +48,7 @@ def machine(name):
 
 
 def test_the_figures_of_the_paper_have_one_machine():
-    for name in ("fig4", "fig5", "fig6"):
+    for name in ("fig4", "fig5", "fig6", "gain", "energy"):
         assert machine(name) == machine("fig3"), name
     assert machine("fig3")["note"] == "a reconstruction, not the machine of the paper"
 

@@ -147,7 +147,7 @@ def test_pictures_of_the_readme_exist() -> None:
 
 def test_make_targets_of_the_readme_exist() -> None:
     targets = set(re.findall(r"^([a-z0-9]+):.*## ", (ROOT / "Makefile").read_text(), flags=re.MULTILINE))
-    paper = {"figures", "fig3", "fig4", "fig5", "fig6", "readings"}
+    paper = {"figures", "fig3", "fig4", "fig5", "fig6", "readings", "map", "gain", "energy"}
     tests = {"test", "rest", "check", "torture", "lint", "format"}
     assert targets == {"help", "install", "smoke", "bench", "clean"} | tests | paper
     assert set(re.findall(r"`?make ([a-z]+[0-9]*)", README)) <= targets  # a chart's letter follows the number
