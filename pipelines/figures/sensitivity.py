@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ Array = NDArray[np.float64]
 TABLE_KINDS = ("tornado", "scatter", "changes")
 MOST_OUTPUTS = 6  # panels of a tornado
 MOST_VARIABLES = 8  # rows of a scatter matrix
+LABEL_WIDTH = 12  # letters in a line of their labels
 LOW, HIGH = style.SKY, style.VERMILION
 GOOD_FIT = 0.9  # share of the variance: below it the bars are not the whole story
 
@@ -179,8 +181,10 @@ def draw_scatter(inputs: Sequence[Quantity], outputs: Sequence[Quantity], note: 
                 axes.plot(x.values, y.values, ".", color=colour, markersize=3)
                 axes.yaxis.set_major_locator(MaxNLocator(2))
                 axes.tick_params(labelleft=column == 0)
-        grid[row, 0].set_ylabel(y.label.replace(" ", "\n", 1), fontsize=6.5)
-        grid[-1, row].set_xlabel(y.label.replace(" ", "\n", 1), fontsize=6.5)
+        label = "\n".join(wrap(y.label, LABEL_WIDTH))
+        grid[row, 0].set_ylabel(label, fontsize=6.5)
+        grid[-1, row].set_xlabel(label, fontsize=6.5)
+        grid[-1, row].tick_params(axis="x", labelrotation=45.0)
     figure.align_ylabels()
     return style.finish(figure, "inputs and results of all cases", note)
 
