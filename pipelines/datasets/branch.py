@@ -65,13 +65,15 @@ def open_branch(
     attributes: Mapping[str, Any] | None = None,
     *,
     renew: bool = False,
+    wait: bool = False,
 ) -> BranchWriter:
     """Open a branch for writing: create it, or resume it if it exists.
 
     ``sizes`` gives the capacity along the kind's row dimension and the sizes of all other dimensions; arrays
     with a dimension that has no size are left out. ``static`` holds the arrays that are written once. On
     resuming, a larger capacity enlarges the branch; other sizes and ``attributes`` must be those of the
-    store. Where they are not, a branch without rows is made anew, and with ``renew`` any branch. Raises
+    store. Where they are not, a branch without rows is made anew, and with ``renew`` any branch. ``wait``:
+    for another writer, which commits and closes at once, instead of raising LockedStoreError. Raises
     LockedStoreError, OtherConfigurationError, CorruptedError, ForeignStoreError, OSError, and ValueError for
     data outside the schema.
     """
@@ -80,7 +82,7 @@ def open_branch(
         raise ValueError(f"attributes {', '.join(sorted(taken))} belong to the writer")
     complete = branch_sizes(kind, sizes)
     ensure_container(store, group)
-    lock = GroupLock(store.path, group)
+    lock = GroupLock(store.path, group, wait=wait)
     try:
         require_metadata(store.path, group)
         if store.has_group(group):

@@ -85,7 +85,7 @@ class RowPlan(Plan):
 
     @abstractmethod
     def open(self, group: str, rows: int) -> BranchWriter:
-        """Open a group for so many rows, or make it."""
+        """Open a group for so many rows, or make it; waits while another process commits a row."""
 
     @abstractmethod
     def row(self, job: Job, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
@@ -101,14 +101,15 @@ class RowPlan(Plan):
         while waiting and has_status_ended(self.job, ahead := self._ahead(waiting[0])):
             with self.open(self.group, total) as branch:
                 found = self.job.read(ahead, tuple(with_role(branch.arrays, "row")))
-                branch.commit({name: values[0] for name, values in found.arrays.items()})
+                first = {name: values[0] for name, values in found.arrays.items()}
+                _commit_as(branch, total - len(waiting), first)
             discard(self.job, ahead)
             waiting = waiting[1:]
-        for number, row in enumerate(waiting):
+        for number, row in enumerate(waiting, total - len(waiting)):
             ahead = self._ahead(row)
-            in_turn = number == 0 and not has_group(self.job, ahead)
+            in_turn = row is waiting[0] and not has_group(self.job, ahead)
             if in_turn or not has_status_ended(self.job, ahead):
-                yield Part(self.group if in_turn else ahead, row.arguments)
+                yield Part(self.group if in_turn else ahead, {**row.arguments, "row": number})
         if total and not waiting:
             with self.open(self.group, total) as branch:
                 if branch.status != ENDED:
@@ -120,13 +121,19 @@ class RowPlan(Plan):
         in_turn = part.group == self.group
         row, message = self.row(job, part.arguments)
         with self.open(part.group, total if in_turn else 1) as branch:
-            branch.commit(row)
+            _commit_as(branch, part.arguments["row"] if in_turn else 0, row)
             if not in_turn:
                 self.finish(branch)
         job.report_progress(total - len(waiting) + 1, total, message)
 
     def _ahead(self, row: Row) -> str:
         return f"{AHEAD}/{self.group}-{row.name}"
+
+
+def _commit_as(branch: BranchWriter, number: int, row: Mapping[str, Any]) -> None:
+    """Commit a row that has this number, unless another process has computed and committed it."""
+    if branch.n_points == number:
+        branch.commit(row)
 
 
 def compute_alone(plan: Plan) -> StageResult:

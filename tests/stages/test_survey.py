@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -106,6 +107,31 @@ def test_lines_computed_side_by_side_leave_the_same_bytes(surveyed: Path, tmp_pa
     assert plan.result().ok
     assert plan.job.groups("ahead") == []
     assert compare_trees(surveyed, path) == []
+
+
+def test_a_line_that_two_processes_compute_is_stored_once(surveyed: Path, tmp_path: Path) -> None:
+    """One has it ahead and the other in its turn, whichever ends first; also one that was killed in between."""
+    path = tmp_path / "a.zarr"
+    prepare_store(path, [tiny_case(*GRID)], ["agfb", "test"])
+    plan = plan_survey(tiny_case(*GRID), path, lambda progress: None, lambda: False)
+    first, second, third = plan.parts()
+    plan.compute(first, plan.job)
+    in_turn = next(iter(plan.parts()))  # the second line, whose group ahead is not there yet
+    assert in_turn.group == "survey"
+    assert in_turn.arguments == second.arguments
+    plan.compute(second, plan.job)
+    assert [part.arguments for part in plan.parts()] == [third.arguments], "the line ahead has taken its turn"
+    plan.compute(in_turn, plan.job)
+    assert plan.job.read("survey", ()).n_points == 2
+    with plan.open(third.group, 1) as branch:  # committed, and killed before it ended
+        branch.commit(plan.row(plan.job, third.arguments)[0])
+    plan.compute(third, plan.job)
+    writer = plan.open("survey", 3)  # of a process that has committed and is about to close
+    threading.Timer(0.2, writer.close).start()
+    assert list(plan.parts()) == []
+    assert plan.result().ok
+    assert compare_trees(surveyed, path) == []
+
 
 
 @pytest.mark.parametrize("stop_after", [1, 2])

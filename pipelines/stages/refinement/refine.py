@@ -130,7 +130,7 @@ def _open(store: Store, group: str, case: Case, capacity: int) -> BranchWriter:
     }
     sizes = {"refined": capacity, "level": len(grids)}
     attributes = {"request": request, "formal_order": formal_order(case)}
-    return open_branch(store, group, "refinement", sizes, static, attributes)
+    return open_branch(store, group, "refinement", sizes, static, attributes, wait=True)
 
 
 def _unknowns(case: Case, grid: Grid) -> int:

@@ -73,8 +73,9 @@ class SurveyPlan(RowPlan):
         """Open the group for so many lines."""
         sizes = {"line": rows, "cell": self.problem.along.points}
         static = {"along": self.problem.abscissae}
+        request = request_of(self.problem)
         return open_branch(
-            self.job.store, self.job.path(group), "survey", sizes, static, request_of(self.problem)
+            self.job.store, self.job.path(group), "survey", sizes, static, request, wait=True
         )
 
     def row(self, job: Job, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
