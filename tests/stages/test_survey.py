@@ -133,7 +133,6 @@ def test_a_line_that_two_processes_compute_is_stored_once(surveyed: Path, tmp_pa
     assert compare_trees(surveyed, path) == []
 
 
-
 @pytest.mark.parametrize("stop_after", [1, 2])
 def test_a_stopped_survey_resumes_to_the_same_bytes(surveyed: Path, tmp_path: Path, stop_after: int) -> None:
     path = tmp_path / "a.zarr"

@@ -74,9 +74,7 @@ class SurveyPlan(RowPlan):
         sizes = {"line": rows, "cell": self.problem.along.points}
         static = {"along": self.problem.abscissae}
         request = request_of(self.problem)
-        return open_branch(
-            self.job.store, self.job.path(group), "survey", sizes, static, request, wait=True
-        )
+        return open_branch(self.job.store, self.job.path(group), "survey", sizes, static, request, wait=True)
 
     def row(self, job: Job, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
         """Compute one line."""
