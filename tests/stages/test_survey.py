@@ -110,7 +110,7 @@ def test_lines_computed_side_by_side_leave_the_same_bytes(surveyed: Path, tmp_pa
 
 
 def test_a_line_that_two_processes_compute_is_stored_once(surveyed: Path, tmp_path: Path) -> None:
-    """One has it ahead and the other in its turn, whichever ends first; also one that was killed in between."""
+    """One has it ahead and the other in its turn, whichever ends first; also after one was killed."""
     path = tmp_path / "a.zarr"
     prepare_store(path, [tiny_case(*GRID)], ["agfb", "test"])
     plan = plan_survey(tiny_case(*GRID), path, lambda progress: None, lambda: False)
