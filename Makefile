@@ -49,19 +49,29 @@ smoke: $(INSTALLED) ## run the main job on configs/tongue.toml: build/smoke.zarr
 PAPER ?= build/paper
 OPTIONS ?=
 NUMBERED := fig3 fig4 fig5 fig6
-LETTERED := $(foreach figure,fig3 fig4 fig6,$(addprefix $(figure),a b c d))
-.PHONY: $(NUMBERED) $(LETTERED)
+OPEN := map gain energy
+LETTERED := $(foreach figure,fig3 fig4 fig6,$(addprefix $(figure),a b c d)) gain10 gain50
+.PHONY: $(NUMBERED) $(OPEN) $(LETTERED)
 
 STAGES_fig3 := run
 STAGES_fig4 := continue-cycles transient
 STAGES_fig5 := continue-cycles
 STAGES_fig6 := continue-cycles transient
+STAGES_map := run
+STAGES_gain := run
+STAGES_energy := transient
+CONFIG_map := fig3
 OPTIONS_fig3 := --no-figures
+OPTIONS_map := --no-figures --set track_curves.normal_forms=true
+OPTIONS_gain := --no-figures
 
 KIND_fig3 := sets
 KIND_fig4 := envelopes
 KIND_fig5 := tree
 KIND_fig6 := envelope
+KIND_map := stability
+KIND_gain := sets
+KIND_energy := modal-energy
 
 CASES_fig3a := stiffness=3_*
 CASES_fig3b := stiffness=10_*
@@ -75,6 +85,9 @@ CASES_fig6a := grade=1_stiffness=3_*
 CASES_fig6b := grade=1_stiffness=50_*
 CASES_fig6c := grade=6.3_stiffness=3_*
 CASES_fig6d := grade=6.3_stiffness=50_*
+CASES_map := stiffness=10_displacement=0.2
+CASES_gain10 := stiffness=10_*
+CASES_gain50 := stiffness=50_*
 
 figures: $(NUMBERED) ## compute and draw all figures of the paper, into build/paper/figures
 fig3: ## bifurcation sets for three displacements of the rings; fig3a to fig3d: one foil
@@ -82,11 +95,15 @@ fig4: ## response envelopes at two excitation frequencies; fig4a to fig4d: one f
 fig5: ## bifurcation tree of period doublings
 fig6: ## the unbalanced rotor in time over balanced cycles; fig6a to fig6d: one foil and grade
 
-number = $(strip $(foreach each,$(NUMBERED),$(findstring $(each),$@)))
+map: ## what the paper leaves open: the set of k_b = 10 in Fig. 3 with the type of every bifurcation
+gain: ## likewise: how the anti-resonance grows with the displacement; gain10, gain50: one foil
+energy: ## likewise: a whirl that the rings stop, with the energies of the modes
+
+number = $(strip $(foreach each,$(NUMBERED) $(OPEN),$(findstring $(each),$@)))
 letters = $(or $(filter $@%,$(LETTERED)),$@)
 
 define compute
-$(BIN)/agfb $(1) configs/paper/$(number).toml -o $(PAPER)/$(number).zarr --workers $(WORKERS) \
+$(BIN)/agfb $(1) configs/paper/$(or $(CONFIG_$(number)),$(number)).toml -o $(PAPER)/$(number).zarr --workers $(WORKERS) \
 	--case '$(or $(CASES_$@),*)' $(OPTIONS_$(number)) $(OPTIONS) \
 	|| test $$? -eq 3
 
@@ -99,26 +116,9 @@ endef
 
 # Every command goes on with what is there: only what is missing is computed. Code 3: some cases failed; the others are
 # drawn all the same.
-$(NUMBERED) $(LETTERED): $(INSTALLED)
+$(NUMBERED) $(OPEN) $(LETTERED): $(INSTALLED)
 	$(foreach stage,$(STAGES_$(number)),$(call compute,$(stage)))
 	$(foreach letter,$(letters),$(call draw,$(letter)))
-
-# What the paper leaves open, on the same machine.
-.PHONY: map gain energy
-map: $(INSTALLED) ## the set of Fig. 3b for its largest displacement with the type of every bifurcation
-	$(BIN)/agfb run configs/paper/fig3.toml -o $(PAPER)/map.zarr --case 'stiffness=10_displacement=0.2' --no-figures \
-		--set track_curves.normal_forms=true --workers $(WORKERS) $(OPTIONS)
-	$(BIN)/agfb figures $(PAPER)/map.zarr -o $(PAPER)/figures/map.png --figure stability
-
-gain: $(INSTALLED) ## how the anti-resonance grows with the displacement of the rings
-	$(BIN)/agfb run configs/paper/gain.toml -o $(PAPER)/gain.zarr --no-figures --workers $(WORKERS) $(OPTIONS) \
-		|| test $$? -eq 3
-	$(foreach stiffness,10 50,$(BIN)/agfb figures $(PAPER)/gain.zarr -o $(PAPER)/figures/gain$(stiffness).png \
-		--figure sets --case 'stiffness=$(stiffness)_*' &&) true
-
-energy: $(INSTALLED) ## a whirl that the rings stop: motion and energies of the modes
-	$(BIN)/agfb transient configs/paper/energy.toml -o $(PAPER)/energy.zarr $(OPTIONS)
-	$(BIN)/agfb figures $(PAPER)/energy.zarr -o $(PAPER)/figures/energy.png --figure modal-energy
 
 .PHONY: readings
 readings: $(INSTALLED) ## what other readings of the paper change: 72 branches, build/paper/figures/readings.png
