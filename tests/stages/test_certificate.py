@@ -27,7 +27,8 @@ from pipelines.stages.certificate.agreement import (
     judge_points,
 )
 from pipelines.stages.certificate.asked import Asked, asked_lines
-from pipelines.stages.certificate.certify import _bifurcating, _grid_arrays, _numbers, _point_arrays
+from pipelines.stages.certificate.certify import _bifurcating, _grid_arrays, _point_arrays
+from pipelines.stages.certificate.comparison import Comparison
 from pipelines.stages.certificate.crossings import UNKNOWN, Crossing, Leg, PlaneCurves, carried
 from pipelines.stages.certificate.summary import Summary
 from tests.helpers.curves import PLANE, Path2, curve_rows, empty_store, oval
@@ -237,26 +238,30 @@ def test_a_patch_gets_a_line_along_either_parameter_through_its_middle() -> None
 
 def test_random_points_bound_the_share_of_the_plane_that_disagrees() -> None:
     """With a larger share so few points would disagree in 5 % of all draws only (Clopper and Pearson)."""
-    agreeing = judge_grid(judge(tongue(), line()), grid())
+    cells = grid()
+    agreeing = judge_grid(judge(tongue(), line()), cells)
+
+    def compared(at_points: Verdicts) -> Comparison:
+        return Comparison(NAMES, cells, cells, agreeing, at_points)
+
     for wrong in (0, 3):
         verdict = np.array([DISAGREES] * wrong + [AGREES] * (97 - wrong) + [NOT_DECIDED] * 3)
-        numbers = _numbers(agreeing, Verdicts(verdict, verdict))
+        numbers = compared(Verdicts(verdict, verdict)).numbers()
         assert binom.cdf(wrong, 97, numbers["share_at_most"]) == pytest.approx(0.05)
         assert numbers["certified"] is (wrong == 0)
     nothing = Verdicts(*[np.full(5, NOT_DECIDED)] * 2)
-    assert _numbers(agreeing, nothing)["share_at_most"] == 1.0
+    assert compared(nothing).share_at_most == 1.0
 
 
 def test_a_stored_certificate_names_every_place_that_disagrees(tmp_path: object) -> None:
     store = empty_store(tmp_path / "a.zarr", "a")  # type: ignore[operator]
     cells, points = grid(), places(np.array([1.1, 0.3]), np.array([0.8, 0.3]), np.array([1, 0]))
-    lacking = judge(line())
-    verdicts, at_points = judge_grid(lacking, cells), judge_points(lacking, cells, points)
-    at_points.verdict[0], at_points.expected[0] = DISAGREES, UNKNOWN
-    arrays = _grid_arrays(cells, verdicts) | _point_arrays(points, at_points)
-    attributes = {"parameters": list(NAMES), "resolution": [0.1, 0.09], **_numbers(verdicts, at_points)}
+    told = Comparison.of(judge(line()), NAMES, cells, points)
+    told.at_points.verdict[0], told.at_points.expected[0] = DISAGREES, UNKNOWN
+    arrays = _grid_arrays(told) | _point_arrays(told)
+    attributes = {"parameters": list(NAMES), "resolution": list(told.resolution), **told.numbers()}
     write_group(store, "cases/a/certificate/verified", "certificate", arrays, attributes)
-    found = Summary.of(read_group(store, "cases/a/certificate/verified"))
+    found = Summary.stored(read_group(store, "cases/a/certificate/verified"))
     assert not found.certified
     assert found.cells.agreeing + found.cells.disagreeing == cells.found.size
     assert len(found.disagreements) == found.cells.disagreeing + 1
@@ -264,9 +269,9 @@ def test_a_stored_certificate_names_every_place_that_disagrees(tmp_path: object)
     *_, last = found.as_dict()["disagreements"]
     assert last == {"excitation_frequency": 1.1, "speed": 0.8, "found": 1, "expected": None,
                     "kind": "period_doubling", "random": True}  # fmt: skip
-    told = f"do not explain the stability of {found.cells.disagreeing} cells and 1 random points"
-    assert found.sentence().startswith("not certified on cells of 0.1 x 0.09: the curves")
-    assert told in found.sentence()
+    expected = f"do not explain the stability of {found.cells.disagreeing} cells and 1 random points"
+    assert found.sentence().startswith("not certified on cells of 0.1 x 0.0923: the curves")
+    assert expected in found.sentence()
     assert found.cells.percent == pytest.approx(100.0 * found.cells.agreeing / cells.found.size)
 
 

@@ -24,6 +24,7 @@ from pipelines.datasets.store import open_for_reading
 from pipelines.figures.drawing import draw_figures
 from pipelines.machine.assembly import parameter_vector
 from pipelines.stages.certificate import certify as module
+from pipelines.stages.certificate.comparison import membership
 from pipelines.stages.certificate.crossings import Crossing
 from pipelines.stages.curves import bifurcation_set as search
 from pipelines.stages.curves.lines import Line, line_groups
@@ -141,7 +142,11 @@ def test_a_curve_counts_where_the_cycle_found_has_its_critical_multiplier(search
     problem = survey_problem(job.machine, job.case, parameter_vector(job.case))
     (own, *_) = module.stored_curves(job)
     other = replace(own, name="pd/other", points=own.points - [0.12, 0.0])
-    belongs = module._membership(job, problem, [own, other, replace(own, bifurcation="fold")])
+    belongs = membership(
+        [own, other, replace(own, bifurcation="fold")],
+        (problem.along.parameter, problem.across.parameter),
+        module._cycles(job, problem),
+    )
     places = [(curve, 0.5 * float(curve.arclength[-1])) for curve in (own, other)]
     assert [belongs(Crossing(curve, place, 0.0)) for curve, place in places] == [True, False]
 

@@ -1,7 +1,7 @@
 """Certificates: the bifurcation curves of a store against its survey and cycles at random points.
 
-The number of unstable multipliers at a cell is open where there is no usable cycle, below the lowest speed
-that was searched, and where a multiplier is nearer to the unit circle than the survey is accurate.
+The number of unstable multipliers at a cell is open where there is no usable cycle and below the lowest speed
+that was searched.
 
 A certificate is a group of the container ``certificate``. It belongs to the curves whose checksum it holds.
 """
@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta
 
 from pipelines.case.scales import PARAMETERS
 from pipelines.datasets.branch import write_group
@@ -28,32 +27,27 @@ from pipelines.datasets.curves import (
 from pipelines.datasets.records import Group
 from pipelines.datasets.schema import KINDS
 from pipelines.machine.assembly import parameter_vector
-from pipelines.orbits.forced_cycle import ForcedCycle
-from pipelines.stages.certificate.agreement import (
-    AGREES,
-    DISAGREES,
-    NOT_DECIDED,
-    GridVerdicts,
-    Judge,
-    Places,
-    Verdicts,
-    judge_grid,
-    judge_points,
+from pipelines.stages.certificate.agreement import Judge, Places, Verdicts
+from pipelines.stages.certificate.asked import Asked
+from pipelines.stages.certificate.comparison import (
+    POINTS,
+    SEED,
+    Comparison,
+    critical_rows,
+    decided,
+    membership,
+    multiplier_error,
+    random_places,
 )
-from pipelines.stages.certificate.asked import Asked, asked_lines
-from pipelines.stages.certificate.crossings import UNKNOWN, Crossing, PlaneCurves
+from pipelines.stages.certificate.crossings import UNKNOWN, PlaneCurves
+from pipelines.stages.certificate.summary import stored_places
 from pipelines.stages.job import Job
 from pipelines.stages.results import StopRequested
-from pipelines.stages.survey.line import SurveyProblem, cycle_at, entries, survey_problem
+from pipelines.stages.survey.line import Found, SurveyProblem, cycle_at, entries, survey_problem
 from pipelines.stages.survey.onsets import GROUP as SURVEY
 
 CONTAINER = "certificate"
 SPEED = "speed"
-POINTS = 100  # random ones
-SEED = 1
-CONFIDENCE = 0.95  # of the largest share of the plane that may disagree
-_MISSES = 4.0  # times the miss of a cycle: by so much its multipliers may be off
-_SAME = 0.02  # distance of a multiplier from the critical one of a curve, below which it is that one
 
 
 @dataclass(frozen=True)
@@ -90,17 +84,12 @@ def stored_curves(job: Job) -> tuple[BifurcationCurve, ...]:
 
 
 def _bifurcating(curve: Group) -> Group:
-    """A stored curve up to the first row without a multiplier at the critical one.
-
-    Beyond R1 and R2 a Neimark-Sacker curve goes on as one of neutral saddles, where no cycle bifurcates.
-    """
-    critical = np.exp(1j * curve["angle"])[:, None]
-    apart = np.abs(curve["multipliers"] - critical)
-    false = np.flatnonzero(np.nanmin(apart, axis=1, initial=np.inf) > _SAME)
-    if not false.size:
+    """A stored curve as far as its rows are critical (`critical_rows`)."""
+    kept = critical_rows(curve["multipliers"], curve["angle"])
+    if kept == curve["angle"].size:
         return curve
     rows = {name for name in curve.arrays if KINDS["curve"].role(KINDS["curve"].array(name)) == "row"}
-    arrays = {name: a[: false[0]] if name in rows else a for name, a in curve.arrays.items()}
+    arrays = {name: a[:kept] if name in rows else a for name, a in curve.arrays.items()}
     return replace(curve, arrays=arrays)
 
 
@@ -120,60 +109,50 @@ def certify(job: Job, group: str, request: Request, before: str | None = None) -
     ``before``: an earlier certificate, whose random points are taken over. Raises StopRequested.
     """
     problem = survey_problem(job.machine, job.case, parameter_vector(job.case))
-    curves = stored_curves(job)
+    curves, names = stored_curves(job), (problem.along.parameter, problem.across.parameter)
     judge = Judge(
         PlaneCurves(curves),
         job.case.track_curves.parameters.index(problem.along.parameter),
         request.kinds,
         request.boundaries,
-        _membership(job, problem, curves),
+        membership(curves, names, _cycles(job, problem)),
     )
     grid = _cells(job, problem, request)
-    points = _random_points(job, problem, request) if before is None else _taken_over(job.read(before))
+    earlier = None if before is None else stored_places(job.read(before), "point_")
+    points = _random_points(job, problem, request) if earlier is None else earlier
     job.report_progress(0, None, f"{group}: comparing {grid.found.size} cells with {len(curves)} curves")
-    verdicts, at_points = judge_grid(judge, grid), judge_points(judge, grid, points)
-    names = problem.along.parameter, problem.across.parameter
-    asked = asked_lines(names, grid, verdicts.cells, points, at_points, request.known)
-    arrays = _grid_arrays(grid, verdicts) | _point_arrays(points, at_points) | _asked_arrays(asked)
+    comparison = Comparison.of(judge, names, grid, points)
+    asked = _asked_arrays(comparison.asked(request.known))
+    arrays = _grid_arrays(comparison) | _point_arrays(comparison) | asked
     attributes = {
         "parameters": list(names),
         "ranges": [[axis.low, axis.high] for axis in (problem.along, problem.across)],
-        "resolution": [float(values[1] - values[0]) for values in (grid.along, grid.across)],
-        "multiplier_error": multiplier_error(problem),
+        "resolution": list(comparison.resolution),
+        "multiplier_error": _error(problem),
         "lowest_speed": request.lowest_speed,
         "kinds": list(request.kinds),
         "boundaries": request.boundaries,
         "seed": SEED,
         "curves": [curve.name for curve in curves],
         "curves_checksum": checksum(curves),
-        **_numbers(verdicts, at_points),
+        **comparison.numbers(),
     }
     write_group(job.store, job.path(group), "certificate", arrays, attributes)
 
 
-def _numbers(verdicts: GridVerdicts, at_points: Verdicts) -> dict[str, Any]:
-    """How many places agree, disagree and are not decided; and whether the curves are certified.
-
-    ``share_at_most``: of the plane that disagrees, with the confidence of 95 % that the random points give
-    (Clopper and Pearson).
-    """
-    numbers: dict[str, Any] = {}
-    for name, verdict in (("agreeing", AGREES), ("disagreeing", DISAGREES), ("not_decided", NOT_DECIDED)):
-        numbers |= {
-            f"cells_{name}": verdicts.cells.number(verdict),
-            f"pairs_{name}": verdicts.pairs(verdict),
-            f"points_{name}": at_points.number(verdict),
-        }
-    wrong, right = numbers["points_disagreeing"], numbers["points_agreeing"]
-    share = 1.0 if right == 0 else float(beta.ppf(CONFIDENCE, wrong + 1, right))
-    none_wrong = not numbers["pairs_disagreeing"] and not wrong
-    return numbers | {"share_at_most": share, "certified": none_wrong and numbers["pairs_agreeing"] > 0}
-
-
-def multiplier_error(problem: SurveyProblem) -> float:
-    """How far the modulus of a multiplier of the survey may be off: by its time steps and by its miss."""
+def _error(problem: SurveyProblem) -> float:
     table = problem.case.survey
-    return table.multiplier_tolerance + _MISSES * table.tolerance
+    return multiplier_error(table.multiplier_tolerance, table.tolerance)
+
+
+def _cycles(job: Job, problem: SurveyProblem) -> Callable[[float, float], Found]:
+    """The cycle at any place, until the stage is asked to stop."""
+
+    def at(along: float, across: float) -> Found:
+        _stop_if_asked(job)
+        return cycle_at(problem, along, across)
+
+    return at
 
 
 def _cells(job: Job, problem: SurveyProblem, request: Request) -> Places:
@@ -191,10 +170,7 @@ def _decided(
     problem: SurveyProblem, request: Request, found: np.ndarray, nearest: np.ndarray, speed: np.ndarray
 ) -> np.ndarray:
     """The numbers ``found``, `UNKNOWN` near the unit circle and below the lowest speed."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        apart = np.abs(np.log(np.abs(nearest)))
-    is_clear = (apart > multiplier_error(problem)) & (speed >= request.lowest_speed)
-    return np.where(is_clear, found, UNKNOWN)
+    return np.where(speed >= request.lowest_speed, decided(found, nearest, _error(problem)), UNKNOWN)
 
 
 def _random_points(job: Job, problem: SurveyProblem, request: Request) -> Places:
@@ -202,7 +178,7 @@ def _random_points(job: Job, problem: SurveyProblem, request: Request) -> Places
     axes = (problem.along, problem.across)
     low = np.array([max(axis.low, request.lowest_speed * (axis.parameter == SPEED)) for axis in axes])
     high = np.array([axis.high for axis in axes])
-    drawn = low + (high - low) * np.random.default_rng(SEED).random((POINTS, 2))
+    drawn = random_places(low, high)
     found = np.full(POINTS, UNKNOWN)
     nearest = np.full(POINTS, complex(math.nan, math.nan))
     for number, (along, across) in enumerate(drawn.tolist()):
@@ -215,52 +191,13 @@ def _random_points(job: Job, problem: SurveyProblem, request: Request) -> Places
     return Places(drawn[:, 0], drawn[:, 1], found, nearest)
 
 
-def _taken_over(certificate: Group) -> Places:
-    """The random points of an earlier certificate of the case."""
-    names = ("along", "across", "found", "nearest")
-    along, across, found, nearest = (certificate[f"point_{name}"] for name in names)
-    return Places(along, across, found.astype(np.int64), nearest)
-
-
-def _membership(
-    job: Job, problem: SurveyProblem, curves: Sequence[BifurcationCurve]
-) -> Callable[[Crossing], bool | None]:
-    """Whether the cycle that is found at a crossing is the critical one of the curve.
-
-    Only folds let several cycles of the excitation period coexist: without any nothing is computed.
-    """
-    if all(curve.bifurcation != "fold" for curve in curves):
-        return lambda crossing: True
-    known: dict[tuple[str, float], bool | None] = {}
-
-    def belongs(crossing: Crossing) -> bool | None:
-        key = crossing.curve.name, crossing.arclength
-        if key not in known:
-            _stop_if_asked(job)
-            along, across = (
-                float(crossing.place[crossing.curve.parameters.index(axis.parameter)])
-                for axis in (problem.along, problem.across)
-            )
-            critical = np.exp(1j * crossing.curve.angle_at(crossing.arclength))
-            known[key] = _is_critical(cycle_at(problem, along, across), critical)
-        return known[key]
-
-    return belongs
-
-
-def _is_critical(found: Any, critical: complex) -> bool | None:
-    """Whether a cycle has a multiplier at the critical one; None without a cycle."""
-    if not isinstance(found, ForcedCycle):
-        return None
-    return bool(np.min(np.abs(found.cycle.spectrum.multipliers - critical)) < _SAME)
-
-
 def _stop_if_asked(job: Job) -> None:
     if job.should_stop():
         raise StopRequested
 
 
-def _grid_arrays(grid: Places, verdicts: GridVerdicts) -> dict[str, Any]:
+def _grid_arrays(comparison: Comparison) -> dict[str, Any]:
+    grid, verdicts = comparison.grid, comparison.at_cells
     return {
         "along": grid.along,
         "across": grid.across,
@@ -270,9 +207,10 @@ def _grid_arrays(grid: Places, verdicts: GridVerdicts) -> dict[str, Any]:
     }
 
 
-def _point_arrays(points: Places, verdicts: Verdicts) -> dict[str, Any]:
+def _point_arrays(comparison: Comparison) -> dict[str, Any]:
+    points = comparison.points
     places = {"point_along": points.along, "point_across": points.across}
-    return places | _place_arrays("point_", points, verdicts)
+    return places | _place_arrays("point_", points, comparison.at_points)
 
 
 def _place_arrays(prefix: str, places: Places, verdicts: Verdicts) -> dict[str, Any]:

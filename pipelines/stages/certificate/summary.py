@@ -1,14 +1,23 @@
-"""A stored certificate in numbers and words."""
+"""A certificate in numbers and words, also a stored one."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from pipelines.datasets.records import Group
+from pipelines.stages.certificate.agreement import (
+    AGREES,
+    DISAGREES,
+    NOT_DECIDED,
+    GridVerdicts,
+    Places,
+    Verdicts,
+)
+from pipelines.stages.certificate.comparison import Comparison
 from pipelines.stages.certificate.crossings import UNKNOWN
 from pipelines.stages.survey.cells import bifurcation_of
 
@@ -68,21 +77,24 @@ class Summary:
     disagreements: tuple[Disagreement, ...]
 
     @classmethod
-    def of(cls, certificate: Group) -> Summary:
-        """The summary of a group of kind ``certificate``."""
-        attributes = certificate.attributes
-        names, sizes = attributes["parameters"], attributes["resolution"]
-        cells, pairs, points = (_tally(attributes, what) for what in ("cells", "pairs", "points"))
+    def of(cls, comparison: Comparison) -> Summary:
+        """The summary of a comparison."""
+        cells, points = comparison.at_cells, comparison.at_points
         return cls(
-            bool(attributes["certified"]),
-            (str(names[0]), str(names[1])),
-            (float(sizes[0]), float(sizes[1])),
-            cells,
-            pairs,
-            points,
-            float(attributes["share_at_most"]),
-            tuple(_disagreements(certificate)),
+            comparison.certified,
+            comparison.names,
+            comparison.resolution,
+            _tally(cells.cells.number),
+            _tally(cells.pairs),
+            _tally(points.number),
+            comparison.share_at_most,
+            tuple(_disagreements(comparison)),
         )
+
+    @classmethod
+    def stored(cls, certificate: Group) -> Summary:
+        """The summary of a group of kind ``certificate``."""
+        return cls.of(stored_comparison(certificate))
 
     def as_dict(self) -> dict[str, Any]:
         """The summary as plain data; places have their parameters by name."""
@@ -114,27 +126,49 @@ class Summary:
         )
 
 
-def _tally(attributes: Mapping[str, Any], what: str) -> Tally:
-    agreeing, disagreeing, not_decided = (
-        int(attributes[f"{what}_{verdict}"]) for verdict in ("agreeing", "disagreeing", "not_decided")
+def stored_comparison(certificate: Group) -> Comparison:
+    """The comparison that a group of kind ``certificate`` holds."""
+    along, across = certificate.attributes["parameters"]
+    cells = _verdicts(certificate, "")
+    pairs = (certificate[name].astype(np.int64) for name in ("pair_along", "pair_across"))
+    return Comparison(
+        (str(along), str(across)),
+        stored_places(certificate, ""),
+        stored_places(certificate, "point_"),
+        GridVerdicts(cells, *pairs),
+        _verdicts(certificate, "point_"),
     )
-    return Tally(agreeing, disagreeing, not_decided)
 
 
-def _disagreements(certificate: Group) -> Iterator[Disagreement]:
+def stored_places(certificate: Group, prefix: str) -> Places:
+    """The cells of a certificate, or its random points with the prefix ``point_``."""
+    names = ("along", "across", "found", "nearest")
+    along, across, found, nearest = (certificate[f"{prefix}{name}"] for name in names)
+    return Places(along, across, found.astype(np.int64), nearest)
+
+
+def _verdicts(certificate: Group, prefix: str) -> Verdicts:
+    expected, verdict = (certificate[f"{prefix}{name}"].astype(np.int64) for name in ("expected", "verdict"))
+    return Verdicts(expected, verdict)
+
+
+def _tally(number: Callable[[int], int]) -> Tally:
+    return Tally(number(AGREES), number(DISAGREES), number(NOT_DECIDED))
+
+
+def _disagreements(comparison: Comparison) -> Iterator[Disagreement]:
     """The cells that disagree, line by line, and then the random points."""
-    grid = np.meshgrid(certificate["along"], certificate["across"])
-    points = certificate["point_along"], certificate["point_across"]
-    for prefix, (along, across) in (("", grid), ("point_", points)):
-        found, expected, nearest = (
-            certificate[f"{prefix}{name}"] for name in ("found", "expected", "nearest")
-        )
-        for place in zip(*np.nonzero(certificate.labels(f"{prefix}verdict") == "disagrees"), strict=True):
+    grid, points = comparison.grid, comparison.points
+    along, across = np.meshgrid(grid.along, grid.across)
+    cells = replace(grid, along=along, across=across)
+    for places, verdicts in ((cells, comparison.at_cells.cells), (points, comparison.at_points)):
+        for place in zip(*np.nonzero(verdicts.verdict == DISAGREES), strict=True):
+            expected = int(verdicts.expected[place])
             yield Disagreement(
-                float(along[place]),
-                float(across[place]),
-                int(found[place]),
-                None if expected[place] == UNKNOWN else int(expected[place]),
-                bifurcation_of(complex(nearest[place])),
-                bool(prefix),
+                float(places.along[place]),
+                float(places.across[place]),
+                int(places.found[place]),
+                None if expected == UNKNOWN else expected,
+                bifurcation_of(complex(places.nearest[place])),
+                places is points,
             )

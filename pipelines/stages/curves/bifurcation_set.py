@@ -377,7 +377,7 @@ def _sentence(plan: SearchPlan) -> str:
     """How the plane was searched, and what the certificate says."""
     if plan.certificate is None:
         return covered(plan.lines, plan.complete)
-    told = Summary.of(plan.job.read(plan.certificate)).sentence()
+    told = Summary.stored(plan.job.read(plan.certificate)).sentence()
     return f"{_rounds_in_words(plan.lines)}; {told}"
 
 

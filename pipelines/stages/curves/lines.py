@@ -91,16 +91,16 @@ def lines_of_round(job: Job, number: int, lowest: float) -> list[Line]:
     The resonances are the predicted ones of the group ``criticals``.
     """
     case, search = job.case, job.case.bifurcation_set
-    frequencies = _spread(search.frequencies, plane_range(case, FREQUENCY), number)
+    frequencies = spread(search.frequencies, plane_range(case, FREQUENCY), number)
     if number == 0 and search.resonances:
         frequencies += _resonant_frequencies(job, frequencies)
-    speeds = _spread(search.speeds, (lowest, plane_range(case, SPEED)[1]), number)
+    speeds = spread(search.speeds, (lowest, plane_range(case, SPEED)[1]), number)
     return [Line(FREQUENCY, value, number) for value in speeds] + [
         Line(SPEED, value, number) for value in frequencies
     ]
 
 
-def _spread(count: int, interval: Interval, number: int) -> list[float]:
+def spread(count: int, interval: Interval, number: int) -> list[float]:
     """One value in each of ``count`` equal cells: the middle in round 0, other places in later rounds."""
     low, high = interval
     # van der Corput sequence: 1/2, 0, 1/4, 3/4, 1/8, ...

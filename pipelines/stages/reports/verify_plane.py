@@ -49,7 +49,7 @@ def _certified(job: Job) -> Summary:
     if group is None:
         group = VERIFIED
         certify(job, group, request)
-    return Summary.of(job.read(group))
+    return Summary.stored(job.read(group))
 
 
 def _same(job: Job, request: Request) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,6 +30,9 @@ from pipelines.stages.survey.cells import (
 _SPEC = KINDS["survey"]
 _NUMBERS = ("growth_rate", "multiplier", "nearest_multiplier", "minimum_film", "miss", "step_error")
 _FLAGS = ("status", "bifurcation", "method")
+
+Found = ForcedCycle | NewtonStop | None
+"""A cycle, why Newton's method found none, or None where there is no equilibrium."""
 
 
 @dataclass(frozen=True)
@@ -77,27 +80,38 @@ def survey_problem(machine: Machine, case: Case, parameters: Array) -> SurveyPro
 
 
 def compute_line(problem: SurveyProblem, line: int) -> dict[str, Any]:
-    """The row of a line: it depends on the problem and the number of the line alone.
+    """The row of a line: it depends on the problem and the number of the line alone."""
+    resting = _resting_systems(problem, line)
+
+    def cycle(cell: int, beside: ForcedCycle | None) -> Found:
+        system = resting[cell]
+        if system is None:
+            return None
+        cycles = replace(problem.cycles, parameters=problem.parameters(line, cell))
+        return forced_cycle(cycles, system, problem.options, beside)
+
+    found = cycles_of_line(problem.along.points, cycle)
+    return _row(problem, line, [entries(problem, one) for one in found])
+
+
+def cycles_of_line(cells: int, cycle: Callable[[int, ForcedCycle | None], Found]) -> list[Found]:
+    """The cycles at the cells of a line; ``cycle(cell, beside)`` seeks one, None where nothing can be.
 
     Cells are visited in both directions: where no cycle is found at first, the one found beside it later is
     followed.
     """
-    resting = _resting_systems(problem, line)
-    found: list[ForcedCycle | NewtonStop | None] = [None] * problem.along.points
-    for cells in (range(problem.along.points), reversed(range(problem.along.points))):
+    found: list[Found] = [None] * cells
+    for first, order in ((True, range(cells)), (False, reversed(range(cells)))):
         beside: ForcedCycle | None = None
-        first = all(one is None for one in found)
-        for cell in cells:
-            system = resting[cell]
-            if system is not None and (first or (isinstance(found[cell], NewtonStop) and beside is not None)):
-                cycles = replace(problem.cycles, parameters=problem.parameters(line, cell))
-                found[cell] = forced_cycle(cycles, system, problem.options, beside)
+        for cell in order:
+            if first or (isinstance(found[cell], NewtonStop) and beside is not None):
+                found[cell] = cycle(cell, beside)
             one = found[cell]
             beside = one if isinstance(one, ForcedCycle) else None
-    return _row(problem, line, [entries(problem, one) for one in found])
+    return found
 
 
-def cycle_at(problem: SurveyProblem, along: float, across: float) -> ForcedCycle | NewtonStop | None:
+def cycle_at(problem: SurveyProblem, along: float, across: float) -> Found:
     """The cycle at any place of the plane, found as those of the cells; None without equilibrium."""
     parameters = problem.parameters_at(along, across)
     equilibrium = machine_equilibrium(problem.machine, at_rest(parameters))
@@ -126,7 +140,7 @@ def _resting_system(problem: SurveyProblem, line: int, cell: int) -> RestingSyst
     return resting_system(machine, equilibrium, still) if equilibrium.converged else None
 
 
-def entries(problem: SurveyProblem, found: ForcedCycle | NewtonStop | None) -> dict[str, Any]:
+def entries(problem: SurveyProblem, found: Found) -> dict[str, Any]:
     """What a survey tells of a cycle, by array; the flags as their meanings."""
     if not isinstance(found, ForcedCycle):
         return {"status": "no_equilibrium" if found is None else "no_cycle"}
