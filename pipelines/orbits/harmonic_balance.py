@@ -18,9 +18,13 @@ import numpy as np
 import scipy.linalg
 
 from pipelines.orbits.floquet import Complex, orthonormal
+from pipelines.orbits.solving import solve_or_none
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector, size_of
 
 _GROWTH = 1e3  # of the update over its smallest value: the iteration does not come back
+_PHASES = 16  # of the forcing, over which the mean is taken that a state at rest balances
+_RESTS = 50  # iterations of Newton's method for a state at rest, at most
+_AT_REST = 1e-9  # last relative update of it
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,34 @@ class RestingSystem:
                 break
             kept += parts
         return orthonormal(np.column_stack(kept))
+
+
+def resting_near(system: DynamicalSystem, guess: Vector, parameters: Vector) -> RestingSystem | None:
+    """The system at rest: a zero near ``guess`` (N,) of the mean of its rates over the phase of the forcing.
+
+    None where Newton's method finds none, or where the mean Jacobian has too few eigenvectors.
+    """
+    phases = 2.0 * np.pi * np.arange(_PHASES) / _PHASES
+    state, identity = np.array(guess, dtype=float), np.eye(system.size)
+
+    def mean(values: list[Matrix]) -> Matrix:
+        return np.asarray(np.mean(values, axis=0))
+
+    for _ in range(_RESTS):
+        rates = mean([system.rates_at(phase, state, parameters) for phase in phases])
+        matrix = mean([system.tangent_at(phase, state, identity, parameters) for phase in phases])
+        update = solve_or_none(matrix, -rates)
+        if update is None:
+            return None
+        state = state + update
+        if float(np.max(np.abs(update))) <= _AT_REST * size_of(state):
+            break
+    else:
+        return None
+    try:
+        return RestingSystem.of(state, matrix)
+    except np.linalg.LinAlgError:
+        return None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,89 @@
+"""The search of a plane: lines, the curves that they meet, and their comparison with a survey.
+
+    trace lines -> trace curves -> compare with the survey -> lines through the places that disagree -> ...
+
+until no place disagrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipelines.stages.certificate.agreement import Judge
+from pipelines.stages.certificate.asked import Asked
+from pipelines.stages.certificate.comparison import Comparison, membership
+from pipelines.stages.certificate.crossings import PlaneCurves
+from pipelines.stages.certificate.summary import Summary
+from pipelines.stages.curves.lines import spread
+from pipelines.stages.plane.problem import PlaneOptions, PlaneProblem, cycle_at
+from pipelines.stages.plane.survey import PlaneSurvey, survey_plane
+from pipelines.stages.plane.tracing import PlaneCurve, trace_curves, trace_line
+
+
+@dataclass(frozen=True)
+class PlaneSet:
+    """The curves of a plane, the ``lines`` on which they were found, and what the survey says of them."""
+
+    curves: tuple[PlaneCurve, ...]
+    lines: tuple[Asked, ...]
+    survey: PlaneSurvey
+    comparison: Comparison
+
+    @property
+    def complete(self) -> bool:
+        """Whether the curves explain the survey, and every curve was traced to an end of its own."""
+        ended = all(each.interpolated is None or each.interpolated.is_complete for each in self.curves)
+        return self.comparison.certified and ended
+
+    @property
+    def summary(self) -> Summary:
+        """The comparison in numbers and words; `Summary.disagreements` lists every place that disagrees."""
+        return Summary.of(self.comparison)
+
+
+def search_plane(
+    plane: PlaneProblem,
+    options: PlaneOptions = PlaneOptions(),
+    known: Sequence[PlaneCurve] = (),
+    survey: PlaneSurvey | None = None,
+) -> PlaneSet:
+    """Trace curves of a plane until they explain its survey, or no further line is left to try.
+
+    ``known``: curves that are there already; ``survey``: of the same plane, computed if not given.
+    """
+    survey = survey_plane(plane, options) if survey is None else survey
+    curves, lines = list(known), []
+    fresh = _first_lines(plane, options)
+    for number in range(options.rounds + 1):
+        events = [event for line in fresh for event in trace_line(plane, options, line)]
+        curves += trace_curves(plane, options, events, curves)
+        lines += fresh
+        comparison = compare(plane, options, curves, survey)
+        fresh = comparison.asked(lines)
+        if not fresh:
+            break
+    return PlaneSet(tuple(curves), tuple(lines), survey, comparison)
+
+
+def compare(
+    plane: PlaneProblem, options: PlaneOptions, curves: Sequence[PlaneCurve], survey: PlaneSurvey
+) -> Comparison:
+    """What the survey of a plane says of its curves."""
+    lines = [each.interpolated for each in curves if each.interpolated is not None]
+
+    def cycle(along: float, across: float):
+        return cycle_at(plane, options, (along, across))
+
+    kinds = [kind.name.lower() for kind in plane.kinds]
+    judge = Judge(PlaneCurves(lines), 0, kinds, belongs=membership(lines, plane.names, cycle))
+    return Comparison.of(judge, plane.names, survey.grid, survey.points)
+
+
+def _first_lines(plane: PlaneProblem, options: PlaneOptions) -> list[Asked]:
+    """Lines along either parameter, equally spaced over the other one."""
+    (first, second), (low, high) = plane.names, plane.ranges
+    along_first, along_second = options.lines
+    return [Asked(first, value) for value in spread(along_first, high, 0)] + [
+        Asked(second, value) for value in spread(along_second, low, 0)
+    ]
