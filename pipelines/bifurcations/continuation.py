@@ -24,6 +24,7 @@ STEP_GROWTH = 1.1  # steps per period are raised beyond the need, so that they r
 _CLOSED = 0.05  # distance of the first point from the interpolated branch, in units of the step
 _LONGEST = 0.1  # relative change of the period in a step of the maximum length, at most
 _TOLD = 5  # points after which the error of the time steps is found anew
+_AT_END = 1e-12  # of a range: rounding of a parameter on its end, which no digit of its own limits at zero
 _SAME = 0.01  # distance within which two points are one, in units of the step: far above corrector errors
 
 
@@ -250,19 +251,21 @@ def follow(
 def leaves_ranges(
     values: Iterable[float], slopes: Iterable[float], ranges: Sequence[tuple[float, float]]
 ) -> bool:
-    """Whether a parameter lies on the end of its range and its slope points outwards."""
+    """Whether a parameter lies on the end of its range, up to rounding, and its slope points outwards."""
     return any(
-        (value >= high and slope > 0.0) or (value <= low and slope < 0.0)
+        (value >= high - _AT_END * (high - low) and slope > 0.0)
+        or (value <= low + _AT_END * (high - low) and slope < 0.0)
         for value, slope, (low, high) in zip(values, slopes, ranges, strict=True)
     )
 
 
 def bound_passed(values: Iterable[float], ranges: Sequence[tuple[float, float]]) -> tuple[int, float] | None:
-    """The first parameter outside its range, and the end of the range that it passed."""
+    """The first parameter outside its range by more than rounding, and the end that it passed."""
     for which, (value, (low, high)) in enumerate(zip(values, ranges, strict=True)):
-        if value > high:
+        rounding = _AT_END * (high - low)
+        if value > high + rounding:
             return which, high
-        if value < low:
+        if value < low - rounding:
             return which, low
     return None
 

@@ -7,7 +7,7 @@ crossing is the one that bifurcates there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -133,7 +133,7 @@ def membership(
             along, across = (float(crossing.place[crossing.curve.parameters.index(name)]) for name in names)
             found, angle = cycle_at(along, across), crossing.curve.angle_at(crossing.arclength)
             known[key] = (
-                critical_rows(found.cycle.spectrum.multipliers[None], np.array([angle])) == 1
+                critical_rows([found.cycle.spectrum.multipliers], np.array([angle])) == 1
                 if isinstance(found, ForcedCycle)
                 else None
             )
@@ -142,12 +142,13 @@ def membership(
     return belongs
 
 
-def critical_rows(multipliers: Complex, angles: Array) -> int:
+def critical_rows(multipliers: Iterable[Complex], angles: Array) -> int:
     """How many rows come before the first one without a multiplier at the critical one exp(i angle).
 
-    ``multipliers`` (n, k), NaN where a row has fewer; ``angles`` (n,).  Beyond R1 and R2 a Neimark-Sacker
+    ``multipliers``: n arrays, filled up with NaN or not; ``angles`` (n,).  Beyond R1 and R2 a Neimark-Sacker
     curve goes on as one of neutral saddles, where no cycle bifurcates.
     """
-    apart = np.abs(multipliers - np.exp(1j * angles)[:, None])
-    false = np.flatnonzero(np.nanmin(apart, axis=1, initial=np.inf) > _SAME)
-    return int(false[0]) if false.size else len(angles)
+    for index, (row, angle) in enumerate(zip(multipliers, angles, strict=True)):
+        if np.nanmin(np.abs(row - np.exp(1j * angle)), initial=np.inf) > _SAME:
+            return index
+    return len(angles)

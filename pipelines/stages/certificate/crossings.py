@@ -14,11 +14,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from pipelines.case.arrays import Array
 from pipelines.datasets.curves import BifurcationCurve
 
 UNKNOWN = -1  # unstable multipliers
 Counts = frozenset[int]
+_JOINED = 1e-8  # distance of ends that are one, relative to the extent or the length of a curve
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,12 @@ class Crossing:
     @property
     def is_fold(self) -> bool:
         return self.curve.bifurcation == "fold"
+
+    @property
+    def is_end(self) -> bool:
+        """Whether the curve begins or ends here."""
+        ends = self.curve.arclength[[0, -1]]
+        return bool(np.min(np.abs(ends - self.arclength)) <= _JOINED * (ends[1] - ends[0]))
 
     @property
     def place(self) -> Array:
@@ -74,8 +83,29 @@ class PlaneCurves:
                 for curve in self.curves
                 for arclength in curve.where(axis, value)
             ]
-            self._known[axis, value] = sorted(found, key=lambda crossing: crossing.position)
+            found.sort(key=lambda crossing: crossing.position)
+            self._known[axis, value] = _ends_joined(found)
         return self._known[axis, value]
+
+
+def _ends_joined(crossings: Sequence[Crossing]) -> list[Crossing]:
+    """Crossings by increasing position, without the second of two at which curves of a kind join end to end.
+
+    So do both directions of a curve, which begin on the line that met it, and the ends of a closed one.
+    """
+    kept: list[Crossing] = []
+    for crossing in crossings:
+        if not any(_join(each, crossing) for each in kept):
+            kept.append(crossing)
+    return kept
+
+
+def _join(first: Crossing, second: Crossing) -> bool:
+    """Whether two curves of a kind have an end at the same place."""
+    if first.curve.bifurcation != second.curve.bifurcation or not (first.is_end and second.is_end):
+        return False
+    size = np.ptp(first.curve.extent, axis=0) + np.abs(first.place)
+    return bool(np.all(np.abs(first.place - second.place) <= _JOINED * size))
 
 
 Rule = Callable[[int, Crossing], Counts]

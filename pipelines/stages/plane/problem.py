@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pipelines.bifurcations.detection import EventKind
-from pipelines.orbits.forced_cycle import ForcedCycleOptions, forced_cycle
+from pipelines.orbits.forced_cycle import ForcedCycle, ForcedCycleOptions, forced_cycle
 from pipelines.orbits.harmonic_balance import resting_near
 from pipelines.orbits.shooting import CycleProblem
 from pipelines.orbits.system import Vector
@@ -22,9 +22,10 @@ class PlaneProblem:
     """The cycles of a forced system over a plane of two of its parameters.
 
     ``cycles`` holds the period map, the other parameters and the tolerances; ``names`` of the two parameters,
-    with their ``ranges``; ``scales``: changes of them that count as one; ``rest`` (N,): near the state at rest
-    without the forcing; ``kinds`` of curves that are followed.  Raises ValueError for an unknown period,
-    unknown or equal names, or a range that does not rise.
+    with their ``ranges``; ``rest`` (N,): a guess of the state at rest, where the mean of the right-hand side
+    over the phase of the forcing vanishes; ``scales``: changes of the parameters that count as one; ``kinds``
+    of curves that are followed.  Raises ValueError for an unknown period, unknown or equal names, or a range
+    that does not rise.
     """
 
     cycles: CycleProblem
@@ -86,7 +87,7 @@ class PlaneOptions:
 
 
 def cycle_at(
-    plane: PlaneProblem, options: PlaneOptions, place: tuple[float, float], beside: Found = None
+    plane: PlaneProblem, options: PlaneOptions, place: tuple[float, float], beside: ForcedCycle | None = None
 ) -> Found:
     """The cycle at values of both parameters, found alone or from the one ``beside``.
 

@@ -19,6 +19,7 @@ from pipelines.stages.curves.lines import spread
 from pipelines.stages.plane.problem import PlaneOptions, PlaneProblem, cycle_at
 from pipelines.stages.plane.survey import PlaneSurvey, survey_plane
 from pipelines.stages.plane.tracing import PlaneCurve, trace_curves, trace_line
+from pipelines.stages.survey.line import Found
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class PlaneSet:
 
 def search_plane(
     plane: PlaneProblem,
-    options: PlaneOptions = PlaneOptions(),
+    options: PlaneOptions,
     known: Sequence[PlaneCurve] = (),
     survey: PlaneSurvey | None = None,
 ) -> PlaneSet:
@@ -55,7 +56,7 @@ def search_plane(
     survey = survey_plane(plane, options) if survey is None else survey
     curves, lines = list(known), []
     fresh = _first_lines(plane, options)
-    for number in range(options.rounds + 1):
+    for _ in range(options.rounds + 1):
         events = [event for line in fresh for event in trace_line(plane, options, line)]
         curves += trace_curves(plane, options, events, curves)
         lines += fresh
@@ -72,7 +73,7 @@ def compare(
     """What the survey of a plane says of its curves."""
     lines = [each.interpolated for each in curves if each.interpolated is not None]
 
-    def cycle(along: float, across: float):
+    def cycle(along: float, across: float) -> Found:
         return cycle_at(plane, options, (along, across))
 
     kinds = [kind.name.lower() for kind in plane.kinds]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from pipelines.bifurcations.arclength import continue_branch
-from pipelines.bifurcations.branch import BranchPoint, BranchStart, BranchStop, ContinuationOptions
+from pipelines.bifurcations.branch import BranchStart, BranchStop, ContinuationOptions
 from pipelines.bifurcations.curve import (
     CurveOptions,
     CurvePoint,
@@ -28,6 +27,7 @@ from pipelines.bifurcations.plane import CurveProblem
 from pipelines.bifurcations.switching import curve_from_event, joined_curve
 from pipelines.datasets.curves import BifurcationCurve, read_curve
 from pipelines.orbits.forced_cycle import ForcedCycle
+from pipelines.orbits.system import Matrix
 from pipelines.stages.certificate.asked import Asked
 from pipelines.stages.certificate.comparison import critical_rows
 from pipelines.stages.curves.rows import CONTAINERS
@@ -55,53 +55,46 @@ class PlaneCurve:
 
     @property
     def kind(self) -> EventKind:
+        """The bifurcation."""
         return self.problem.kind
 
     @property
-    def parameters(self) -> np.ndarray:
+    def parameters(self) -> Matrix:
         """Both parameters of the points (n, 2)."""
-        return np.array([point.parameters for point in self.points])
+        return self.known.parameters
 
     @cached_property
     def known(self) -> KnownCurve:
         """The curve as others recognise it."""
-        return replace(KnownCurve.of(self.states), unstable=self._unstable.astype(float))
+        unstable = [
+            unstable_others(point.kind, point.cycle.spectrum.multipliers, point.cos_theta, False)
+            for point in self.points
+        ]
+        return replace(KnownCurve.of(self.states), unstable=np.array(unstable, dtype=float))
 
     @cached_property
     def interpolated(self) -> BifurcationCurve | None:
         """The curve between its points, as far as cycles bifurcate on it; None below two points."""
-        most = max(len(point.cycle.spectrum.multipliers) for point in self.points)
-        multipliers = np.full((len(self.points), most), complex(np.nan, np.nan))
-        for row, point in zip(multipliers, self.points, strict=True):
-            row[: len(point.cycle.spectrum.multipliers)] = point.cycle.spectrum.multipliers
-        kept = critical_rows(multipliers, self.known.angles)
-        arrays = {
-            "arclength": self.known.arclength,
-            "parameter_tangent": self.known.tangents,
-            "angle": self.known.angles,
-            "unstable_count": self._unstable,
-            **dict(zip(self.problem.names, self.parameters.T, strict=True)),
+        known, names = self.known, self.problem.names
+        kept = critical_rows([point.cycle.spectrum.multipliers for point in self.points], known.angles)
+        rows = {
+            "arclength": known.arclength,
+            "parameter_tangent": known.tangents,
+            "angle": known.angles,
+            "unstable_count": known.unstable,
+            **dict(zip(names, known.parameters.T, strict=True)),
         }
-        places = np.array([special.parameters for _, special in self.special])
-        events = {"event_after_point": np.array([after for after, _ in self.special], dtype=np.intp)}
-        for name, index in zip(self.problem.names, self.problem.indices, strict=True):
-            events[f"event_{name}"] = places[:, index] if len(places) else np.zeros(0)
+        places = np.array([each.parameters[list(self.problem.indices)] for _, each in self.special])
+        events = {
+            "event_after_point": np.array([after for after, _ in self.special]),
+            **{f"event_{name}": place for name, place in zip(names, places.reshape(-1, 2).T, strict=True)},
+        }
         attributes = {
             "bifurcation": self.kind.name.lower(),
-            "parameters": list(self.problem.names),
+            "parameters": names,
             "stop_reason": self.stop.name.lower(),
         }
-        return read_curve(self.name, {key: a[:kept] for key, a in arrays.items()} | events, attributes)
-
-    @property
-    def _unstable(self) -> np.ndarray:
-        """Other multipliers outside the unit circle at each point (n,)."""
-        return np.array(
-            [
-                unstable_others(point.kind, point.cycle.spectrum.multipliers, point.cos_theta, False)
-                for point in self.points
-            ]
-        )
+        return read_curve(self.name, {name: row[:kept] for name, row in rows.items()} | events, attributes)
 
 
 def trace_line(plane: PlaneProblem, options: PlaneOptions, line: Asked) -> list[Event]:
@@ -109,36 +102,37 @@ def trace_line(plane: PlaneProblem, options: PlaneOptions, line: Asked) -> list[
 
     No branch starts at an end at which no cycle is found.
     """
-    which = plane.names.index(line.parameter)
-    low, high = plane.ranges[which]
     events: list[Event] = []
-    for end, direction in ((high, -1), (low, 1)):
-        place = (end, line.fixed) if which == 0 else (line.fixed, end)
-        found = cycle_at(plane, options, place)
-        if not isinstance(found, ForcedCycle):
-            continue
-        problem = replace(plane.at(place), parameter=line.parameter)
-        points: list[BranchPoint] = []
-
-        def record(point: BranchPoint, state: object, met: tuple[Event, ...]) -> None:
-            points.append(point)  # noqa: B023
-            events.extend(met)
-
-        stepping = ContinuationOptions(
-            (low, high),
-            direction,
-            step=min(_FIRST, options.line_step),
-            maximum_step=options.line_step,
-            max_points=options.max_points,
-            parameter_scale=plane.scales[which],
-        )
-        result = continue_branch(
-            problem, BranchStart(found.cycle.unknowns.state, end), stepping, record
-        )
-        arrived = low if direction < 0 else high
-        if result.stop is BranchStop.RANGE and points[-1].cycle.unknowns.parameter == arrived:
+    for direction in (-1, 1):
+        if _follow(plane, options, line, direction, events):
             break
     return events
+
+
+def _follow(
+    plane: PlaneProblem, options: PlaneOptions, line: Asked, direction: int, events: list[Event]
+) -> bool:
+    """Add the ``events`` on a line from one of its ends; returns whether the other one is reached."""
+    which = plane.names.index(line.parameter)
+    low, high = plane.ranges[which]
+    begin, end = (low, high) if direction > 0 else (high, low)
+    place = (begin, line.fixed) if which == 0 else (line.fixed, begin)
+    found = cycle_at(plane, options, place)
+    if not isinstance(found, ForcedCycle):
+        return False
+    stepping = ContinuationOptions(
+        (low, high),
+        direction,
+        step=min(_FIRST, options.line_step),
+        maximum_step=options.line_step,
+        max_points=options.max_points,
+        parameter_scale=plane.scales[which],
+    )
+    problem = replace(plane.at(place), parameter=line.parameter)
+    start = BranchStart(found.cycle.unknowns.state, begin)
+    result = continue_branch(problem, start, stepping, lambda point, state, met: events.extend(met))
+    arrived = result.state is not None and abs(result.state.parameter - end) < _FIRST * (high - low)
+    return result.stop is BranchStop.RANGE and arrived
 
 
 def trace_curves(
@@ -147,17 +141,15 @@ def trace_curves(
     """The curves through bifurcations, and all curves that meet these in special points, beside ``known``."""
     curves = list(known)
     waiting = [
-        curve_from_event(plane.at((0.0, 0.0)), event, plane.names)
-        for event in events
-        if event.kind in plane.kinds
+        curve_from_event(plane.cycles, event, plane.names) for event in events if event.kind in plane.kinds
     ]
     while waiting:
         start = waiting.pop(0)
         if not _is_wanted(plane, start, curves):
             continue
         for curve in _both_ways(plane, options, start, curves):
-            curves.append(curve)
             waiting += _joined(curve)
+            curves.append(curve)
     return curves[len(known) :]
 
 
@@ -167,9 +159,7 @@ def _is_wanted(plane: PlaneProblem, start: Start, curves: Sequence[PlaneCurve]) 
     return (
         problem.kind in plane.kinds
         and plane.holds(guess.parameters)
-        and not any(
-            curve.known.holds(guess, plane.scales) for curve in curves if curve.kind is problem.kind
-        )
+        and not any(curve.known.holds(guess, plane.scales) for curve in curves if curve.kind is problem.kind)
     )
 
 
@@ -183,20 +173,21 @@ def _joined(curve: PlaneCurve) -> Iterator[Start]:
 
 def _both_ways(
     plane: PlaneProblem, options: PlaneOptions, start: Start, curves: Sequence[PlaneCurve]
-) -> Iterator[PlaneCurve]:
-    """A curve in both directions from its start, in one if that is all of it."""
-    problem, guess = start
-    traced = {curve.name: curve.known for curve in curves if curve.kind is problem.kind}
-    numbers = Counter(curve.kind for curve in curves)
-    for half, direction in enumerate((1, -1)):
-        name = f"{CONTAINERS[problem.kind]}/c{numbers[problem.kind] + half:03d}"
-        curve = _trace(plane, options, name, start, direction, traced)
+) -> list[PlaneCurve]:
+    """A curve in both directions from its start, in one if that is all of it; none if it does not begin."""
+    kind = start[0].kind
+    same = [curve for curve in curves if curve.kind is kind]
+    halves: list[PlaneCurve] = []
+    for direction in (1, -1):
+        name = f"{CONTAINERS[kind]}/c{len(same) + len(halves):03d}"
+        curve = _trace(plane, options, name, start, direction, same)
         if curve is None:
-            return
-        yield curve
-        begin = curve.points[0]
-        if curve.stop is CurveStop.CLOSED or resonant_end(problem.kind, begin.cos_theta) is not None:
-            return
+            break
+        halves.append(curve)
+        at_resonance = resonant_end(kind, curve.points[0].cos_theta) is not None
+        if curve.stop is CurveStop.CLOSED or at_resonance:
+            break
+    return halves
 
 
 def _trace(
@@ -205,9 +196,9 @@ def _trace(
     name: str,
     start: Start,
     direction: int,
-    traced: dict[str, KnownCurve],
+    others: Sequence[PlaneCurve],
 ) -> PlaneCurve | None:
-    """A curve in one direction; None if its first point was not found."""
+    """A curve in one direction, up to the ``others`` of its kind; None if its first point was not found."""
     problem, guess = start
     points: list[CurvePoint] = []
     states: list[CurveState] = []
@@ -229,6 +220,7 @@ def _trace(
     )
     if problem.kind is not EventKind.NEIMARK_SACKER:
         stepping = around_tongue(stepping, guess.width)
+    traced = {curve.name: curve.known for curve in others}
     result = continue_curve(problem, guess, stepping, record, traced=traced)
     if not points:
         return None
