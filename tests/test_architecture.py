@@ -55,7 +55,7 @@ ORDER = {
     ),
     "stages": (
         "results", "parameter_columns", "job", "parts", "step_errors", "regularised", "ending", "pass_counts",
-        "linear", "cycles", "survey", "certificate", "curves", "transients", "tori", "refinement",
+        "linear", "cycles", "survey", "certificate", "curves", "plane", "transients", "tori", "refinement",
         "calibration", "reports", "scheduling",
     ),
 }  # fmt: skip

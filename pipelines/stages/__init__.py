@@ -13,6 +13,7 @@
 - survey: `agfb survey`: stability over a grid of the plane
 - certificate: whether curves explain the stability of their plane
 - curves: `agfb track-pd`, `track-ns`, `track-folds`, and the search of `agfb run` for the whole set
+- plane: the same search for equations of one's own, in memory
 - transients: `agfb transient`: transients and their analysis
 - tori: `agfb continue-tori`: branches of tori
 - refinement: `--refine`: discretisation errors of bifurcations

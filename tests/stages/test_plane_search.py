@@ -21,7 +21,7 @@ from pipelines.orbits.period_map import Formulation, PeriodMap
 from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
 from pipelines.stages.plane.problem import PlaneOptions, PlaneProblem
-from pipelines.stages.plane.search import PlaneSet, compare, search_plane
+from pipelines.stages.plane.search import PlaneSet, certify_plane, search_plane
 from tests.bifurcations.embedded_tondl import embedded_tondl
 from tests.systems import damped_mathieu, hopf_pair, mathieu_tongue, tondl
 
@@ -66,7 +66,7 @@ def test_the_tongue_is_complete(tongue: PlaneSet) -> None:
     assert tongue.summary.disagreements == ()
     assert tongue.comparison.grid.found.max() == 2
     assert {curve.kind for curve in tongue.curves} == set(KINDS.values())
-    assert tongue.summary.sentence().startswith("certified on cells of 0.0667 x 0.362")
+    assert tongue.summary.sentence().startswith("certified on cells of 0.0667 x 0.36")
 
 
 def test_its_curves_are_those_of_the_closed_form(tongue: PlaneSet) -> None:
@@ -82,7 +82,7 @@ def test_its_curves_are_those_of_the_closed_form(tongue: PlaneSet) -> None:
 @pytest.mark.parametrize("kind", list(KINDS.values()))
 def test_a_curve_that_lacks_is_missed_and_found(tongue: PlaneSet, kind: EventKind) -> None:
     rest = without(tongue, kind)
-    lacking = compare(TONGUE, COARSE, rest, tongue.survey)
+    lacking = certify_plane(TONGUE, COARSE, rest, tongue.survey)
     assert not lacking.certified
     again = search_plane(TONGUE, replace(COARSE, lines=(0, 0)), rest, tongue.survey)
     assert again.complete
@@ -173,7 +173,7 @@ def test_tondls_plane_is_complete(tondls: PlaneSet) -> None:
 @pytest.mark.parametrize("kind", list(KINDS.values()))
 def test_a_curve_of_tondls_plane_is_missed_and_found(tondls: PlaneSet, kind: EventKind) -> None:
     rest = without(tondls, kind)
-    assert not compare(TONDL, FINE, rest, tondls.survey).certified
+    assert not certify_plane(TONDL, FINE, rest, tondls.survey).certified
     again = search_plane(TONDL, replace(FINE, lines=(0, 0)), rest, tondls.survey)
     assert_verified(again, 0.9)
 

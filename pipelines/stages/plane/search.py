@@ -60,14 +60,14 @@ def search_plane(
         events = [event for line in fresh for event in trace_line(plane, options, line)]
         curves += trace_curves(plane, options, events, curves)
         lines += fresh
-        comparison = compare(plane, options, curves, survey)
+        comparison = certify_plane(plane, options, curves, survey)
         fresh = comparison.asked(lines)
         if not fresh:
             break
     return PlaneSet(tuple(curves), tuple(lines), survey, comparison)
 
 
-def compare(
+def certify_plane(
     plane: PlaneProblem, options: PlaneOptions, curves: Sequence[PlaneCurve], survey: PlaneSurvey
 ) -> Comparison:
     """What the survey of a plane says of its curves."""
