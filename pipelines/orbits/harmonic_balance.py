@@ -24,7 +24,7 @@ from pipelines.orbits.system import DynamicalSystem, Matrix, Vector, size_of
 _GROWTH = 1e3  # of the update over its smallest value: the iteration does not come back
 _PHASES = 16  # of the forcing, over which the mean is taken that a state at rest balances
 _RESTS = 50  # iterations of Newton's method for a state at rest, at most
-_AT_REST = 1e-9  # last relative update of it
+_AT_REST = 1e-10  # relative update that is none
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class RestingSystem:
 def resting_near(system: DynamicalSystem, guess: Vector, parameters: Vector) -> RestingSystem | None:
     """The system at rest: a zero near ``guess`` (N,) of the mean of its rates over the phase of the forcing.
 
-    None where Newton's method finds none, or where the mean Jacobian has too few eigenvectors.
+    None where Newton's method finds none; raises LinAlgError as `RestingSystem.of` does.
     """
     phases = 2.0 * np.pi * np.arange(_PHASES) / _PHASES
     state, identity = np.array(guess, dtype=float), np.eye(system.size)
@@ -83,15 +83,10 @@ def resting_near(system: DynamicalSystem, guess: Vector, parameters: Vector) -> 
         update = solve_or_none(matrix, -rates)
         if update is None:
             return None
-        state = state + update
         if float(np.max(np.abs(update))) <= _AT_REST * size_of(state):
-            break
-    else:
-        return None
-    try:
-        return RestingSystem.of(state, matrix)
-    except np.linalg.LinAlgError:
-        return None
+            return RestingSystem.of(state, matrix)
+        state = state + update
+    return None
 
 
 @dataclass(frozen=True)

@@ -160,7 +160,7 @@ OWN = ROOT / "configs" / "your_equations.md"
 @pytest.mark.parametrize(
     ("source", "printed"),
     list(zip(fenced(OWN, "python"), fenced(OWN, "text"), strict=True)),
-    ids=["forced", "autonomous", "branch point"],
+    ids=["forced", "autonomous", "branch point", "plane"],
 )
 def test_the_equations_of_ones_own_run_as_printed(source: str, printed: str) -> None:
     done = subprocess.run(

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from pipelines.orbits.floquet import deterministic_block
-from pipelines.orbits.harmonic_balance import HarmonicCycle, HarmonicOptions, RestingSystem, harmonic_balance
+from pipelines.orbits.harmonic_balance import (
+    HarmonicCycle,
+    HarmonicOptions,
+    RestingSystem,
+    harmonic_balance,
+    resting_near,
+)
 from pipelines.orbits.system import DynamicalSystem, ode_system
 from tests.systems import hopf_pair, tondl
 
@@ -120,6 +126,27 @@ def test_slow_modes_span_an_invariant_subspace() -> None:
     np.testing.assert_allclose(np.sort(np.linalg.eigvals(inside).real), [-0.3, -0.3, -0.1], atol=1e-12)
     assert at.slow_basis(2).shape == (6, 1), "a pair is not divided"
     np.testing.assert_array_equal(at.slow_basis(6), np.eye(6))
+
+
+def test_a_system_at_rest_balances_its_mean_load() -> None:
+    """x'' + 0.1 x' + x + x^3 = 2 + cos(phase) rests at x = 1 with the stiffness 4; a free mass nowhere."""
+    loaded = ode_system(
+        lambda phase, s, p: [s[1], 2.0 + np.cos(phase) - 0.1 * s[1] - s[0] - s[0] ** 3],
+        lambda phase, s, p: [[0.0, 1.0], [-1.0 - 3.0 * s[0] ** 2, -0.1]],
+        2, ("omega",), "omega",
+    )  # fmt: skip
+    resting = resting_near(loaded, np.zeros(2), np.ones(1))
+    assert resting is not None
+    assert resting.state == pytest.approx([1.0, 0.0], abs=1e-12)
+    assert np.allclose(resting.matrix, [[0.0, 1.0], [-4.0, -0.1]], rtol=0, atol=1e-12)
+    floating = ode_system(
+        lambda phase, s, p: [s[1], 1.0], lambda phase, s, p: [[0.0, 1.0], [0.0, 0.0]], 2, ("omega",), "omega"
+    )
+    assert resting_near(floating, np.zeros(2), np.ones(1)) is None
+    never = ode_system(
+        lambda phase, s, p: [1.0 + s[0] ** 2], lambda phase, s, p: [[2.0 * s[0]]], 1, ("omega",), "omega"
+    )
+    assert resting_near(never, np.ones(1), np.ones(1)) is None
 
 
 def test_what_cannot_be_balanced() -> None:

@@ -145,6 +145,22 @@ def test_a_path_passes_a_curve_only_with_the_number_beside_it() -> None:
     assert [each.position for each in back] == [each.position for each in through[::-1]]
 
 
+def test_both_directions_of_a_curve_are_passed_once_where_they_begin() -> None:
+    """A line meets a curve exactly where the search started it; so do lines through the ends of an oval."""
+    angles = (0.3, 1.2)
+    halves = [curve(oval(*CENTRE, *RADII), ends, "period_doubling", 0) for ends in (angles, (0.3, -1.2))]
+    start = halves[0].points[0]
+    for axis in (0, 1):
+        leg = Leg(axis, float(start[axis]), float(start[1 - axis]) - 0.01, float(start[1 - axis]) + 0.01)
+        met = PlaneCurves(halves).crossings(leg)
+        assert carried(0, met) == {1}
+    closed = tongue()
+    assert carried(0, PlaneCurves([closed]).crossings(Leg(1, CENTRE[1], 1.1, 1.6))) == {1}
+    others = [halves[0], replace(halves[1], bifurcation="neimark_sacker")]
+    leg = Leg(0, float(start[0]), float(start[1]) - 0.01, float(start[1]) + 0.01)
+    assert len(PlaneCurves(others).crossings(leg)) == 2
+
+
 def test_curves_meet_a_path_with_an_error_of_fourth_order() -> None:
     """The oval is stored in points: the crossing converges like the cubics between them."""
     beside = np.linspace(-0.25, 0.25, 41)

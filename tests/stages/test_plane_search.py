@@ -39,11 +39,11 @@ COARSE = PlaneOptions(lines=(1, 1), curve_step=0.2, cells=(13, 9))
 TONDL = PlaneProblem(
     CycleProblem(PeriodMap(tondl(), DOPRI8), np.zeros(2), "c1"),
     ("c1", "eta"),
-    ((0.0, 0.1), (0.5, 4.2)),
+    ((-0.03, 0.1), (0.5, 4.2)),
     np.zeros(4),
     scales=(0.05, 0.5),
 )
-FINE = PlaneOptions(lines=(3, 1), cells=(13, 38))
+FINE = PlaneOptions(lines=(3, 1), cells=(14, 38))
 EMBEDDED = 28  # further states
 ABOVE = 1.3  # frequency beyond which the large system is searched
 
@@ -186,7 +186,7 @@ def test_tondls_plane_is_complete_in_a_large_system() -> None:
     plane = replace(
         TONDL,
         cycles=CycleProblem(period_map, np.zeros(3), "c1", options),
-        ranges=((0.0, 0.06), (ABOVE, 4.0)),
+        ranges=((-0.03, 0.06), (ABOVE, 4.0)),
         rest=np.zeros(4 + EMBEDDED),
     )
     assert_verified(search_plane(plane, replace(FINE, cells=(7, 28))), ABOVE)

@@ -144,6 +144,15 @@ def test_unknown_period_gives_the_same_curve(formulation: CurveFormulation) -> N
     assert points[-1].cycle.unknowns.period == pytest.approx(2.0 * np.pi / 3.15, abs=TOLERANCE)
 
 
+def test_a_range_may_end_at_zero() -> None:
+    """No digit of zero limits how near to it a parameter is: without a tolerance another step follows."""
+    result, points, _ = trace(problem("NS"), start_at("NS", 2.7), ((0.0, 0.2), (2.6, 3.2)), direction=-1)
+    assert result.stop is CurveStop.RANGE
+    first, last = (point.parameters for point in points[-2:])
+    assert abs(last[0]) < 1e-13
+    assert np.max(np.abs(first - last) / SCALES) > 1e-3
+
+
 def test_every_row_is_a_target() -> None:
     assert {(kind, target) for kind, _, target, _ in ARCS} == set(POINTS)
 
