@@ -139,6 +139,12 @@ class BifurcationCurve:
         """Argument of the critical multiplier [rad], linear between rows."""
         return float(np.interp(arclength, self.arclength, self.angle))
 
+    def angles_around(self, arclength: float) -> tuple[float, float]:
+        """Smaller and larger argument of the critical multiplier [rad] at the rows on both sides."""
+        row = int(np.clip(np.searchsorted(self.arclength, arclength, side="right"), 1, len(self.angle) - 1))
+        first, second = sorted(self.angle[row - 1 : row + 1].tolist())
+        return first, second
+
     def _neighbours(self, arclength: float) -> tuple[int, int]:
         """The rows that apply at a position: both around it, or only one if special points lie between."""
         last = len(self.arclength) - 1

@@ -7,6 +7,7 @@ multiplier inside the oval and two above the line, so three where both are.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from pipelines.datasets.branch import write_group
 from pipelines.datasets.curves import BifurcationCurve, curves_of_plane, read_curve
 from pipelines.datasets.reading import read_group
 from pipelines.datasets.records import Group
+from pipelines.orbits.forced_cycle import ForcedCycle, Method
 from pipelines.stages.certificate.agreement import (
     AGREES,
     DISAGREES,
@@ -28,7 +30,7 @@ from pipelines.stages.certificate.agreement import (
 )
 from pipelines.stages.certificate.asked import Asked, asked_lines
 from pipelines.stages.certificate.certify import _bifurcating, _grid_arrays, _point_arrays
-from pipelines.stages.certificate.comparison import Comparison
+from pipelines.stages.certificate.comparison import Comparison, membership
 from pipelines.stages.certificate.crossings import UNKNOWN, Crossing, Leg, PlaneCurves, carried
 from pipelines.stages.certificate.summary import Summary
 from tests.helpers.curves import PLANE, Path2, curve_rows, empty_store, oval
@@ -192,6 +194,26 @@ def test_curves_of_coexisting_cycles_are_not_counted() -> None:
     unknown = judge_grid(judge(tongue(), belongs=lambda crossing: None), cells)
     assert unknown.pairs(NOT_DECIDED) > 0
     assert unknown.pairs(DISAGREES) == 0
+
+
+def test_the_angle_of_a_curve_is_known_between_its_rows_alone() -> None:
+    """Where it changes by 1 rad from row to row, any angle between those of the rows is critical."""
+    found = replace(line(), angle=np.where(np.arange(60) < 30, 0.5, 1.5))
+    place = 0.5 * float(found.arclength[29] + found.arclength[30])
+    assert found.angles_around(place) == (0.5, 1.5)
+    assert found.angles_around(float(found.arclength[-1])) == (1.5, 1.5)
+
+    def belongs(multiplier: complex) -> bool | None:
+        spectrum = SimpleNamespace(multipliers=np.array([multiplier, multiplier.conjugate(), 0.1]))
+        cycle = ForcedCycle(SimpleNamespace(spectrum=spectrum), Method.NEWTON, 0.0)  # type: ignore[arg-type]
+        folds = replace(found, name="fold", bifurcation="fold")
+        return membership([found, folds], NAMES, lambda along, across: cycle)(Crossing(found, place, 0.0))
+
+    assert belongs(np.exp(0.8j))
+    assert belongs(np.exp(1.45j))
+    assert not belongs(np.exp(1.6j))
+    assert not belongs(1.05 * np.exp(0.8j))
+    assert membership([found], NAMES, lambda along, across: None)(Crossing(found, place, 0.0))
 
 
 def test_behind_a_fold_any_number_may_be_found() -> None:

@@ -148,7 +148,7 @@ def assert_verified(found: PlaneSet, above: float) -> None:
             if curve is not None
             for place in curve.where(1, eta)
         ]
-        assert eta < above or np.min(np.abs(np.array(there) - c1)) < 1e-5, row
+        assert eta < above or any(abs(other - c1) < 5e-5 for other in there), row
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +175,7 @@ def test_a_curve_of_tondls_plane_is_missed_and_found(tondls: PlaneSet, kind: Eve
     rest = without(tondls, kind)
     assert not certify_plane(TONDL, FINE, rest, tondls.survey).certified
     again = search_plane(TONDL, replace(FINE, lines=(0, 0)), rest, tondls.survey)
-    assert_verified(again, 0.9)
+    assert_verified(again, 0.0)
 
 
 @pytest.mark.slow
@@ -186,7 +186,7 @@ def test_tondls_plane_is_complete_in_a_large_system() -> None:
     plane = replace(
         TONDL,
         cycles=CycleProblem(period_map, np.zeros(3), "c1", options),
-        ranges=((-0.03, 0.06), (ABOVE, 4.0)),
+        ranges=((-0.03, 0.08), (ABOVE, 4.0)),
         rest=np.zeros(4 + EMBEDDED),
     )
     assert_verified(search_plane(plane, replace(FINE, cells=(7, 28))), ABOVE)

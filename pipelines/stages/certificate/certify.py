@@ -178,7 +178,7 @@ def _random_points(job: Job, problem: SurveyProblem, request: Request) -> Places
     axes = (problem.along, problem.across)
     low = np.array([max(axis.low, request.lowest_speed * (axis.parameter == SPEED)) for axis in axes])
     high = np.array([axis.high for axis in axes])
-    drawn = random_places(low, high)
+    drawn = random_places(low, high, POINTS)
     found = np.full(POINTS, UNKNOWN)
     nearest = np.full(POINTS, complex(math.nan, math.nan))
     for number, (along, across) in enumerate(drawn.tolist()):

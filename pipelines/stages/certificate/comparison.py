@@ -110,9 +110,9 @@ def decided(found: Integers, nearest: Complex, error: float) -> Integers:
     return np.where(apart > error, found, UNKNOWN)
 
 
-def random_places(low: Array, high: Array) -> Array:
-    """Points (n, 2) drawn with equal probability between two corners (2,), (2,); always the same."""
-    return np.asarray(low + (high - low) * np.random.default_rng(SEED).random((POINTS, 2)))
+def random_places(low: Array, high: Array, number: int = POINTS) -> Array:
+    """Points (number, 2) drawn with equal probability between two corners (2,), (2,); always the same."""
+    return np.asarray(low + (high - low) * np.random.default_rng(SEED).random((number, 2)))
 
 
 def membership(
@@ -131,15 +131,19 @@ def membership(
         key = crossing.curve.name, crossing.arclength
         if key not in known:
             along, across = (float(crossing.place[crossing.curve.parameters.index(name)]) for name in names)
-            found, angle = cycle_at(along, across), crossing.curve.angle_at(crossing.arclength)
-            known[key] = (
-                critical_rows([found.cycle.spectrum.multipliers], np.array([angle])) == 1
-                if isinstance(found, ForcedCycle)
-                else None
-            )
+            found = cycle_at(along, across)
+            known[key] = _is_critical(found, crossing) if isinstance(found, ForcedCycle) else None
         return known[key]
 
     return belongs
+
+
+def _is_critical(found: ForcedCycle, crossing: Crossing) -> bool:
+    """Whether a cycle has a multiplier on the arc between the critical ones of the rows around a crossing."""
+    multipliers = found.cycle.spectrum.multipliers
+    angles = np.clip(np.abs(np.angle(multipliers)), *crossing.curve.angles_around(crossing.arclength))
+    upper = multipliers.real + 1j * np.abs(multipliers.imag)
+    return bool(np.min(np.abs(upper - np.exp(1j * angles))) < _SAME)
 
 
 def critical_rows(multipliers: Iterable[Complex], angles: Array) -> int:

@@ -51,7 +51,8 @@ def search_plane(
 ) -> PlaneSet:
     """Trace curves of a plane until they explain its survey, or no further line is left to try.
 
-    ``known``: curves that are there already; ``survey``: of the same plane, computed if not given.
+    ``known``: curves that are there already, whose special points are not followed again; ``survey``: of the
+    same plane, computed if not given.
     """
     survey = survey_plane(plane, options) if survey is None else survey
     curves, lines = list(known), []
