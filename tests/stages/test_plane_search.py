@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from pipelines.orbits.shooting import CycleProblem, ShootingOptions
 from pipelines.orbits.steppers import DOPRI8
 from pipelines.stages.plane.problem import PlaneOptions, PlaneProblem
 from pipelines.stages.plane.search import PlaneSet, certify_plane, search_plane
+from pipelines.stages.plane.tracing import trace_curves
 from tests.bifurcations.embedded_tondl import embedded_tondl
 from tests.systems import damped_mathieu, hopf_pair, mathieu_tongue, tondl
 
@@ -35,7 +37,7 @@ TONGUE = PlaneProblem(
     np.zeros(2),
     scales=(0.2, 0.5),
 )
-COARSE = PlaneOptions(lines=(1, 1), curve_step=0.2, cells=(13, 9))
+COARSE = PlaneOptions(lines=(1, 1), line_step=0.1, curve_step=0.2, cells=(13, 9))
 TONDL = PlaneProblem(
     CycleProblem(PeriodMap(tondl(), DOPRI8), np.zeros(2), "c1"),
     ("c1", "eta"),
@@ -79,7 +81,22 @@ def test_its_curves_are_those_of_the_closed_form(tongue: PlaneSet) -> None:
             assert np.max(np.abs(curve.parameters[:, 1])) < 1e-8
 
 
-@pytest.mark.parametrize("kind", list(KINDS.values()))
+def test_a_start_that_fails_is_told() -> None:
+    """A guess far from any period doubling gives a curve without points, and leaves the set incomplete."""
+    event = SimpleNamespace(
+        kind=EventKind.PERIOD_DOUBLING, parameters=np.array([2.35, 1.3, H]), state=np.zeros(2),
+        period=2.0 * np.pi / 2.35, angle=np.pi,
+    )  # fmt: skip
+    (curve,) = trace_curves(TONGUE, COARSE, [event], [])  # type: ignore[list-item]
+    assert (curve.stop, curve.is_finished) == (CurveStop.START_FAILED, False)
+    assert curve.parameters.shape == (0, 2)
+    assert curve.interpolated is None
+    assert curve.name == "pd/c000"
+
+
+@pytest.mark.parametrize(
+    "kind", [EventKind.PERIOD_DOUBLING, pytest.param(EventKind.NEIMARK_SACKER, marks=pytest.mark.slow)]
+)
 def test_a_curve_that_lacks_is_missed_and_found(tongue: PlaneSet, kind: EventKind) -> None:
     rest = without(tongue, kind)
     lacking = certify_plane(TONGUE, COARSE, rest, tongue.survey)
@@ -87,6 +104,7 @@ def test_a_curve_that_lacks_is_missed_and_found(tongue: PlaneSet, kind: EventKin
     again = search_plane(TONGUE, replace(COARSE, lines=(0, 0)), rest, tongue.survey)
     assert again.complete
     assert len(again.lines) > 0
+    assert len({curve.name for curve in again.curves}) == len(again.curves)
     for curve in tongue.curves:
         middle = curve.points[len(curve.points) // 2]
         assert any(

@@ -34,8 +34,7 @@ class PlaneSet:
     @property
     def complete(self) -> bool:
         """Whether the curves explain the survey, and every curve was traced to an end of its own."""
-        ended = all(each.interpolated is None or each.interpolated.is_complete for each in self.curves)
-        return self.comparison.certified and ended
+        return self.comparison.certified and all(curve.is_finished for curve in self.curves)
 
     @property
     def summary(self) -> Summary:
@@ -71,14 +70,14 @@ def search_plane(
 def certify_plane(
     plane: PlaneProblem, options: PlaneOptions, curves: Sequence[PlaneCurve], survey: PlaneSurvey
 ) -> Comparison:
-    """What the survey of a plane says of its curves."""
-    lines = [each.interpolated for each in curves if each.interpolated is not None]
+    """Compare curves with the survey of their plane: `Comparison.certified` means that they explain it."""
+    between = [each.interpolated for each in curves if each.interpolated is not None]
 
     def cycle(along: float, across: float) -> Found:
         return cycle_at(plane, options, (along, across))
 
     kinds = [kind.name.lower() for kind in plane.kinds]
-    judge = Judge(PlaneCurves(lines), 0, kinds, belongs=membership(lines, plane.names, cycle))
+    judge = Judge(PlaneCurves(between), 0, kinds, belongs=membership(between, plane.names, cycle))
     return Comparison.of(judge, plane.names, survey.grid, survey.points)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,7 +25,7 @@ from pipelines.bifurcations.curves.stored_curves import KnownCurve
 from pipelines.bifurcations.detection import Event, EventKind
 from pipelines.bifurcations.plane import CurveProblem
 from pipelines.bifurcations.switching import curve_from_event, joined_curve
-from pipelines.datasets.curves import BifurcationCurve, read_curve
+from pipelines.datasets.curves import FINISHED, BifurcationCurve, read_curve
 from pipelines.orbits.forced_cycle import ForcedCycle
 from pipelines.orbits.system import Matrix
 from pipelines.stages.certificate.asked import Asked
@@ -34,6 +34,7 @@ from pipelines.stages.curves.rows import CONTAINERS
 from pipelines.stages.plane.problem import PlaneOptions, PlaneProblem, cycle_at
 
 _FIRST = 0.02  # first arclength step of branches and curves, at most
+_ARRIVED = 1e-6  # of a range: distance of its end
 
 Start = tuple[CurveProblem, CurveStart]
 
@@ -42,11 +43,12 @@ Start = tuple[CurveProblem, CurveStart]
 class PlaneCurve:
     """One direction of a curve from its start.
 
-    ``points`` (n >= 1) with their ``states``; ``special``: points of codimension two, each with the index of
-    the point before it; ``stop``: why the curve ended.
+    ``number`` among the curves of its kind; ``points`` with their ``states``, none if the start failed;
+    ``special``: points of codimension two, each with the index of the point before it; ``stop``: why the
+    curve ended.
     """
 
-    name: str
+    number: int
     problem: CurveProblem
     points: tuple[CurvePoint, ...]
     states: tuple[CurveState, ...]
@@ -59,13 +61,23 @@ class PlaneCurve:
         return self.problem.kind
 
     @property
+    def name(self) -> str:
+        """The name that the curve would have in a store."""
+        return f"{CONTAINERS[self.kind]}/c{self.number:03d}"
+
+    @property
     def parameters(self) -> Matrix:
         """Both parameters of the points (n, 2)."""
-        return self.known.parameters
+        return np.array([point.parameters for point in self.points]).reshape(-1, 2)
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the curve was traced to an end beyond which none of it is wanted."""
+        return self.stop.name.lower() in FINISHED
 
     @cached_property
     def known(self) -> KnownCurve:
-        """The curve as others recognise it."""
+        """The curve as others recognise it; there must be a point."""
         unstable = [
             unstable_others(point.kind, point.cycle.spectrum.multipliers, point.cos_theta, False)
             for point in self.points
@@ -75,6 +87,8 @@ class PlaneCurve:
     @cached_property
     def interpolated(self) -> BifurcationCurve | None:
         """The curve between its points, as far as cycles bifurcate on it; None below two points."""
+        if not self.points:
+            return None
         known, names = self.known, self.problem.names
         kept = critical_rows([point.cycle.spectrum.multipliers for point in self.points], known.angles)
         rows = {
@@ -131,7 +145,7 @@ def _follow(
     problem = replace(plane.at(place), parameter=line.parameter)
     start = BranchStart(found.cycle.unknowns.state, begin)
     result = continue_branch(problem, start, stepping, lambda point, state, met: events.extend(met))
-    arrived = result.state is not None and abs(result.state.parameter - end) < _FIRST * (high - low)
+    arrived = result.state is not None and abs(result.state.parameter - end) < _ARRIVED * (high - low)
     return result.stop is BranchStop.RANGE and arrived
 
 
@@ -156,11 +170,10 @@ def trace_curves(
 def _is_wanted(plane: PlaneProblem, start: Start, curves: Sequence[PlaneCurve]) -> bool:
     """Whether a start of a kind that is followed lies in the plane, and on none of its curves."""
     problem, guess = start
-    return (
-        problem.kind in plane.kinds
-        and plane.holds(guess.parameters)
-        and not any(curve.known.holds(guess, plane.scales) for curve in curves if curve.kind is problem.kind)
-    )
+    if problem.kind not in plane.kinds or not plane.holds(guess.parameters):
+        return False
+    same = [curve for curve in curves if curve.kind is problem.kind and curve.points]
+    return not any(curve.known.holds(guess, plane.scales) for curve in same)
 
 
 def _joined(curve: PlaneCurve) -> Iterator[Start]:
@@ -174,18 +187,18 @@ def _joined(curve: PlaneCurve) -> Iterator[Start]:
 def _both_ways(
     plane: PlaneProblem, options: PlaneOptions, start: Start, curves: Sequence[PlaneCurve]
 ) -> list[PlaneCurve]:
-    """A curve in both directions from its start, in one if that is all of it; none if it does not begin."""
+    """A curve in both directions from its start, in one if that is all of it."""
     kind = start[0].kind
     same = [curve for curve in curves if curve.kind is kind]
+    number = 1 + max((curve.number for curve in same), default=-1)
+    traced = {curve.name: curve.known for curve in same if curve.points}
     halves: list[PlaneCurve] = []
-    for direction in (1, -1):
-        name = f"{CONTAINERS[kind]}/c{len(same) + len(halves):03d}"
-        curve = _trace(plane, options, name, start, direction, same)
-        if curve is None:
-            break
+    for half, direction in enumerate((1, -1)):
+        curve = _trace(plane, options, number + half, start, direction, traced)
         halves.append(curve)
-        at_resonance = resonant_end(kind, curve.points[0].cos_theta) is not None
-        if curve.stop is CurveStop.CLOSED or at_resonance:
+        if curve.stop in (CurveStop.CLOSED, CurveStop.START_FAILED):
+            break
+        if resonant_end(kind, curve.points[0].cos_theta) is not None:
             break
     return halves
 
@@ -193,12 +206,12 @@ def _both_ways(
 def _trace(
     plane: PlaneProblem,
     options: PlaneOptions,
-    name: str,
+    number: int,
     start: Start,
     direction: int,
-    others: Sequence[PlaneCurve],
-) -> PlaneCurve | None:
-    """A curve in one direction, up to the ``others`` of its kind; None if its first point was not found."""
+    traced: Mapping[str, KnownCurve],
+) -> PlaneCurve:
+    """A curve in one direction, up to the ``traced`` ones of its kind."""
     problem, guess = start
     points: list[CurvePoint] = []
     states: list[CurveState] = []
@@ -220,8 +233,5 @@ def _trace(
     )
     if problem.kind is not EventKind.NEIMARK_SACKER:
         stepping = around_tongue(stepping, guess.width)
-    traced = {curve.name: curve.known for curve in others}
     result = continue_curve(problem, guess, stepping, record, traced=traced)
-    if not points:
-        return None
-    return PlaneCurve(name, problem, tuple(points), tuple(states), tuple(special), result.stop)
+    return PlaneCurve(number, problem, tuple(points), tuple(states), tuple(special), result.stop)
