@@ -88,6 +88,7 @@ class FilmLayout(NamedTuple):
     weights: Any
     narrow: Any
     convection: Any
+    end: Any
 
 
 @kernel()
@@ -106,7 +107,8 @@ def film_layout(integers):
     side = 2 * padded + stations * stations
     narrow = side + 2 * stations
     convection = narrow + 2 * integers[REACH] + 2
-    return FilmLayout(padded, 2 * padded, side, side + stations, narrow, convection)
+    end = convection + 3 * (2 * integers[REACH] + 1)
+    return FilmLayout(padded, 2 * padded, side, side + stations, narrow, convection, end)
 
 
 @kernel(error_model="numpy")

@@ -20,7 +20,7 @@ from types import ModuleType
 from numba import errors
 
 from . import plain_lanes
-from .plain_lanes import LANES
+from .plain_lanes import LANES, QUAD
 
 __all__ = ["LANES", "PLAIN", "accumulate_lanes", "add_lanes", "borrowed", "set_lanes"]
 
@@ -39,4 +39,4 @@ def chosen() -> ModuleType:
 _SUMS = chosen()
 PLAIN = _SUMS is plain_lanes
 set_lanes, add_lanes, accumulate_lanes = _SUMS.set_lanes, _SUMS.add_lanes, _SUMS.accumulate_lanes
-borrowed = _SUMS.borrowed
+borrowed, multiply_quads = _SUMS.borrowed, _SUMS.multiply_quads

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 LANES = 8  # columns treated together: a bearing's rows and their image stay in the first-level cache
+QUAD = 4  # values of a row of a small matrix treated together
 
 # All offsets are unsigned: numba makes the sum of a signed and an unsigned integer a floating-point number.
 
@@ -39,6 +40,22 @@ def accumulate_lanes(out, to, base, start, factors, first, lanes, source, step, 
             at = np.uint64(source) + k * np.uint64(step)
             total += factors[np.uint64(first) + k] * lanes[at + c]
         out[np.uint64(to) + c] = total
+
+
+@njit(fastmath={"contract"})
+def multiply_quads(quads, rows, a, at_a, row_a, b, at_b, row_b, add, out, at, row):  # type: ignore[no-untyped-def]
+    """out <- out + a b if ``add``, else - a b, where b has QUAD rows of ``quads`` times QUAD values.
+
+    ``quads``: a tuple of that length; a and out have ``rows`` rows.  An array is given by its offset and the
+    distance of its rows.
+    """
+    for i in range(np.uint64(rows)):
+        for j in range(np.uint64(len(quads) * QUAD)):
+            total = 0.0
+            for k in range(np.uint64(QUAD)):
+                total += a[np.uint64(at_a) + i * row_a + k] * b[np.uint64(at_b) + k * row_b + j]
+            to = np.uint64(at) + i * row + j
+            out[to] = out[to] + total if add else -total
 
 
 @njit

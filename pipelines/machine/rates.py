@@ -60,6 +60,7 @@ ROTOR_STATE, ROTOR_SIZE, ROTOR_CONSTANTS, JOURNAL, FILM_CONSTANTS = 0, 1, 2, 3, 
 MACHINE_INTEGERS = 7
 BEARINGS = 2
 UNSIGNED = np.uint64
+_TWINS = 1e-12  # difference of pressures and distances, which are of order one, that is rounding
 
 
 @kernel()
@@ -78,6 +79,36 @@ def journal_coordinates(bearing, state, clearance, layout):
     dof, size = layout[ROTOR_STATE] + layout[JOURNAL + bearing], layout[ROTOR_SIZE]
     return (state[dof] / clearance, state[dof + 1] / clearance,
             state[dof + size] / clearance, state[dof + size + 1] / clearance)  # fmt: skip
+
+
+@kernel()
+def are_twins(state, constants, layout):
+    """Whether the films of two equal bearings are in one state, to rounding.
+
+    So they are on a symmetric rotor, unless its motion loses the symmetry; their Jacobians are then equal to
+    rounding as well.
+    """
+    one, _, _, clearance = bearing_views(0, constants, layout)
+    other, _, _, other_clearance = bearing_views(1, constants, layout)
+    for k in range(PRESSURE):
+        if one[k] != other[k]:
+            return False
+    first, second = constants[layout[FILM_CONSTANTS] :], constants[layout[FILM_CONSTANTS + 1] :]
+    for k in range(1 + FILM_SCALARS + film_layout(one).end):
+        if first[k] != second[k]:
+            return False
+    journal, beside = (
+        journal_coordinates(0, state, clearance, layout), journal_coordinates(1, state, other_clearance, layout)
+    )  # fmt: skip
+    largest = 0.0
+    for k in range(4):
+        largest = max(largest, abs(journal[k] - beside[k]))
+    nodes = one[NODES]
+    for at, rows in ((PRESSURE, nodes * one[STATIONS]), (FOIL, nodes)):
+        own, another = state[one[at] : one[at] + rows], state[other[at] : other[at] + rows]
+        for i in range(rows):
+            largest = max(largest, abs(own[i] - another[i]))
+    return largest <= _TWINS
 
 
 @kernel()

@@ -62,13 +62,14 @@ from .film import (
 )
 from .inverse import invert
 from .kernels import FACTORISE, SOLVE, assign, kernel
-from .lanes import LANES, accumulate_lanes, add_lanes, borrowed, set_lanes
+from .lanes import LANES, QUAD, accumulate_lanes, add_lanes, borrowed, multiply_quads, set_lanes
 from .rates import (
     BEARINGS,
     JOURNAL,
     ROTOR_SIZE,
     ROTOR_STATE,
     UNSIGNED,
+    are_twins,
     bearing_views,
     film_workspace_size,
     linearise_bearing,
@@ -181,7 +182,7 @@ def workspace_size(state_size: int, rotor_size: int, integers: NDArray[np.int64]
 
 
 @kernel(error_model="numpy", inline="always")
-def _product(sizes, a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row):
+def _product(sizes, a, at_a, row_a, b, at_b, row_b, add, out, at, row):
     rows, inner, columns = sizes
     for i in range(rows):
         for j in range(columns):
@@ -189,27 +190,32 @@ def _product(sizes, a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row):
             for k in range(inner):
                 total += a[at_a + i * row_a + k] * b[at_b + k * row_b + j]
             to = at + i * row + j
-            out[to] = out[to] + sign * total if add else sign * total
+            out[to] = out[to] + total if add else -total
 
 
 @kernel(error_model="numpy")
-def _multiply(sizes, a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row):
-    """out <- sign a b, or out + sign a b if ``add``; ``sizes``: rows of a, columns of a, columns of b.
+def _multiply(sizes, a, at_a, row_a, b, at_b, row_b, add, out, at, row):
+    """out <- out + a b if ``add``, else - a b; ``sizes``: rows of a, columns of a, columns of b.
 
     ``out`` must not overlap a or b.
     """
-    two, three, four, six = UNSIGNED(2), UNSIGNED(3), UNSIGNED(4), UNSIGNED(6)
+    rows, inner, columns = sizes
+    two, three, four, six, quad = UNSIGNED(2), UNSIGNED(3), UNSIGNED(4), UNSIGNED(6), UNSIGNED(QUAD)
+    if inner == quad and columns == quad:
+        multiply_quads((0,), rows, a, at_a, row_a, b, at_b, row_b, add, out, at, row)
+    elif inner == quad and columns == quad + quad:
+        multiply_quads((0, 0), rows, a, at_a, row_a, b, at_b, row_b, add, out, at, row)
     # the compiler unrolls loops of known length
-    if sizes == (three, three, three):
-        _product((three, three, three), a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
+    elif sizes == (three, three, three):
+        _product((three, three, three), a, at_a, row_a, b, at_b, row_b, add, out, at, row)
     elif sizes == (three, three, six):
-        _product((three, three, six), a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
+        _product((three, three, six), a, at_a, row_a, b, at_b, row_b, add, out, at, row)
     elif sizes == (two, two, two):
-        _product((two, two, two), a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
+        _product((two, two, two), a, at_a, row_a, b, at_b, row_b, add, out, at, row)
     elif sizes == (two, two, four):
-        _product((two, two, four), a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
+        _product((two, two, four), a, at_a, row_a, b, at_b, row_b, add, out, at, row)
     else:
-        _product(sizes, a, at_a, row_a, b, at_b, row_b, sign, add, out, at, row)
+        _product(sizes, a, at_a, row_a, b, at_b, row_b, add, out, at, row)
 
 
 @kernel(error_model="numpy", inline="always")
@@ -338,16 +344,16 @@ def _eliminate_line(i, integers, at, factors, band):
         back = known - step
         own, pivot = (reach - back) * m, at.upper + (i - back) * m * above
         to = at.lower + i * m * below + own
-        _multiply(square, band, own, width, factors, pivot, above, -1.0, False, factors, to, below)
-        _multiply(wide, band, own, width, factors, pivot + m, above, 1.0, True, band, own + m, width)
+        _multiply(square, band, own, width, factors, pivot, above, False, factors, to, below)
+        _multiply(wide, band, own, width, factors, pivot + m, above, True, band, own + m, width)
         if seams > zero:
             pivot, to = at.column + (i - back) * m * below, at.column + i * m * below
-            _multiply(wide, band, own, width, factors, pivot, below, 1.0, True, factors, to, below)
+            _multiply(wide, band, own, width, factors, pivot, below, True, factors, to, below)
     pivot = at.upper + i * m * above
     _invert(m, band, below, width, factors, pivot, above)
     ahead = min(reach, count - one - i)
     sizes = (m, m, ahead * m)
-    _multiply(sizes, factors, pivot, above, band, below + m, width, -1.0, False, factors, pivot + m, above)
+    _multiply(sizes, factors, pivot, above, band, below + m, width, False, factors, pivot + m, above)
 
 
 @kernel(error_model="numpy")
@@ -357,13 +363,13 @@ def _eliminate_seam(i, integers, at, factors, spare, seam):
     zero, one = UNSIGNED(0), UNSIGNED(1)
     pivot, column, row = at.upper + i * m * above, at.column + i * m * below, at.row + i * m * below
     _copy(m, below, factors, column, below, spare, zero, below)  # T = D^-1 column
-    _multiply((m, m, below), factors, pivot, above, spare, zero, below, -1.0, False, factors, column, below)
-    _multiply((below, m, below), factors, row, m, factors, column, below, 1.0, True, seam, zero, below)
+    _multiply((m, m, below), factors, pivot, above, spare, zero, below, False, factors, column, below)
+    _multiply((below, m, below), factors, row, m, factors, column, below, True, seam, zero, below)
     for offset in range(one, min(reach, count - one - i) + one):
         to, beside = row + offset * m * below, pivot + offset * m
-        _multiply((below, m, m), factors, row, m, factors, beside, above, 1.0, True, factors, to, m)
+        _multiply((below, m, m), factors, row, m, factors, beside, above, True, factors, to, m)
     _copy(below, m, factors, row, m, spare, zero, m)  # W = row D^-1
-    _multiply((below, m, m), spare, zero, m, factors, pivot, above, -1.0, False, factors, row, m)
+    _multiply((below, m, m), spare, zero, m, factors, pivot, above, False, factors, row, m)
 
 
 @kernel(error_model="numpy")
@@ -570,12 +576,17 @@ def machine_factorise(phase, state, parameters, shift, constants, layout, work, 
     layout, work, factors = borrowed(layout), borrowed(work), borrowed(factors)
     size, offset = layout[ROTOR_SIZE], UNSIGNED(0)
     response, matrix, scratch = _closing_workspace(work)
+    twins = are_twins(state, constants, layout)
     for bearing in range(BEARINGS):
         integers, _, _, _ = bearing_views(bearing, constants, layout)
         at, own = _film_factors(integers, offset), response[2 * bearing * LANES : 2 * (bearing + 1) * LANES]
-        _factorise_bearing(
-            phase, state, parameters, shift, bearing, constants, layout, scratch, at, factors, own
-        )
+        if bearing > 0 and twins:
+            assign(factors[offset : at.end], factors[:offset])
+            assign(own, response)
+        else:
+            _factorise_bearing(
+                phase, state, parameters, shift, bearing, constants, layout, scratch, at, factors, own
+            )
         offset = at.end
     _factorise_rotor(shift, parameters[SPEED], constants, layout, offset, factors)
     _, _, _, compliance, closing = _rotor_factors(size, offset, factors)

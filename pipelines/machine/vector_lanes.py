@@ -15,25 +15,27 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from .plain_lanes import LANES
+from .plain_lanes import LANES, QUAD
 
 _operation: Any = intrinsic  # numba's annotation counts the typing context among the arguments of a call
-_ROW_TYPE = ir.VectorType(ir.DoubleType(), LANES)
 
 
-def _address(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:
-    """Pointer to the row that starts at ``offset`` of a flat array."""
+def _row_type(width: int) -> Any:
+    return ir.VectorType(ir.DoubleType(), width)
+
+
+def _address(context: Any, builder: Any, array_type: Any, array: Any, offset: Any, width: int = LANES) -> Any:
+    """Pointer to the row of ``width`` values that starts at ``offset`` of a flat array."""
     data = context.make_array(array_type)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [offset]), _ROW_TYPE.as_pointer())
+    return builder.bitcast(builder.gep(data, [offset]), _row_type(width).as_pointer())
 
 
-def _filled(builder: Any, value: Any) -> Any:
+def _filled(builder: Any, value: Any, width: int = LANES) -> Any:
     """A row with one value in every lane."""
-    undefined = ir.Constant(_ROW_TYPE, ir.Undefined)
+    undefined = ir.Constant(_row_type(width), ir.Undefined)
     first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(
-        first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-    )
+    every = ir.Constant(ir.VectorType(ir.IntType(32), width), [0] * width)
+    return builder.shuffle_vector(first, undefined, every)
 
 
 def _sum(context: Any, builder: Any, total: Any, factors: Any, lanes: Any, sources: Any) -> Any:
@@ -118,7 +120,7 @@ def accumulate_lanes(typing, out, to, base, start, factors, first, lanes, source
             store(total)
             builder.branch(done)
         builder.position_at_end(many)
-        total = cgutils.alloca_once(builder, _ROW_TYPE)
+        total = cgutils.alloca_once(builder, begin.type)
         builder.store(begin, total)
         with cgutils.for_range(builder, count) as loop:
             builder.store(add(builder.load(total), loop.index), total)
@@ -129,6 +131,53 @@ def accumulate_lanes(typing, out, to, base, start, factors, first, lanes, source
 
     at = types.uint64
     return types.void(out, at, base, at, factors, at, lanes, at, at, at), generate
+
+
+@_operation
+def multiply_quads(typing, quads, rows, a, at_a, row_a, b, at_b, row_b, add, out, at, row):  # type: ignore[no-untyped-def]
+    """out <- out + a b if ``add``, else - a b, where b has QUAD rows of ``quads`` times QUAD values.
+
+    ``quads``: a tuple of that length.  b stays in registers.
+    """
+    count = len(quads)
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        _, rows, a, at_a, row_a, b, at_b, row_b, add, out, at, row = arguments
+        of, width = signature.args, QUAD
+
+        def place(which, array, start, step, k):  # type: ignore[no-untyped-def]
+            return _address(context, builder, of[which], array, builder.add(start, builder.mul(k, step)), width)
+
+        def number(value):  # type: ignore[no-untyped-def]
+            return ir.Constant(rows.type, value)
+
+        def part(pointer, q):  # type: ignore[no-untyped-def]
+            return builder.gep(pointer, [ir.Constant(ir.IntType(32), q)])
+
+        known = []
+        for k in range(QUAD):
+            start = place(5, b, at_b, row_b, number(k))
+            known.append([builder.load(part(start, q), align=8) for q in range(count)])
+        nothing = ir.Constant(_row_type(width), [0.0] * width)
+        numbers = context.make_array(of[2])(context, builder, a).data
+        with cgutils.for_range(builder, rows) as loop:
+            first = builder.add(at_a, builder.mul(loop.index, row_a))
+            factors = [
+                _filled(builder, builder.load(builder.gep(numbers, [builder.add(first, number(k))])), width)
+                for k in range(QUAD)
+            ]
+            target = place(9, out, at, row, loop.index)
+            for q in range(count):
+                total = builder.select(add, builder.load(part(target, q), align=8), nothing)
+                for factor, line in zip(factors, known, strict=True):
+                    term = builder.fmul(factor, line[q], flags=("contract",))
+                    total = builder.fadd(total, term, flags=("contract",))
+                total = builder.select(add, total, builder.fsub(nothing, total))
+                builder.store(total, part(target, q), align=8)
+        return context.get_dummy_value()
+
+    i = types.uint64
+    return types.void(quads, i, a, i, i, b, i, i, types.boolean, out, i, i), generate
 
 
 @_operation
