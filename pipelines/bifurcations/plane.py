@@ -152,12 +152,16 @@ def metric_of(
 
 @dataclass(frozen=True)
 class MapAt:
-    """The period map at one position: passes with given columns, there and at nearby positions."""
+    """The period map at one position: passes with given columns, there and at nearby positions.
+
+    ``near``: a pass at a nearby position, with which these are faster.
+    """
 
     problem: CurveProblem
     position: Position
     steps: int
     reference: PhaseReference | None
+    near: PeriodImage | None = field(default=None, kw_only=True)
 
     @property
     def orbit_start(self) -> OrbitStart:
@@ -185,9 +189,13 @@ class MapAt:
         """The image of a pass at this position with M columns, as in ``PeriodMap.with_columns``."""
         return self.problem.period_map.with_columns(image, columns, self.reference)
 
-    def beside(self, direction: Position, distance: float) -> MapAt:
-        """The map at position + distance direction, with the period of the forcing there."""
-        return replace(self, position=self.problem.consistent(self.position.plus(direction, distance)))
+    def beside(self, direction: Position, distance: float, image: PeriodImage) -> MapAt:
+        """The map at position + distance direction, with the period of the forcing there.
+
+        ``image``: a pass at this position.
+        """
+        position = self.problem.consistent(self.position.plus(direction, distance))
+        return replace(self, position=position, near=image.without_factors())
 
     def length(self, columns: Matrix) -> float:
         """The norm in which critical vectors have unit length.
@@ -200,7 +208,7 @@ class MapAt:
         self, columns: Matrix, inhomogeneous: tuple[Inhomogeneity, ...], keep_factors: bool = False
     ) -> PeriodImage:
         return self.problem.period_map.evaluate(
-            *self.orbit_start, columns, inhomogeneous, self.reference, keep_factors
+            *self.orbit_start, columns, inhomogeneous, self.reference, keep_factors, self.near
         )
 
 
@@ -230,7 +238,7 @@ def map_slopes(
     for direction in directions:
         distance = (_CENTRAL_SHIFT if central else _SHIFT) * scale / metric.largest(direction)
         ahead, behind = (
-            at.beside(direction, side * distance).tangent(columns, weights is not None) if side else image
+            at.beside(direction, side * distance, image).tangent(columns, weights is not None) if side else image
             for side in ((1.0, -1.0) if central else (1.0, 0.0))
         )
         (there, row), (here, other) = _weighted(ahead, weights), _weighted(behind, weights)

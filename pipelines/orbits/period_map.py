@@ -72,8 +72,9 @@ class PeriodImage:
     ``state`` (size,): phi(state) at the end; ``columns`` (size, m): M applied to the block;
     ``inhomogeneous`` (size, k): derivatives of the map; ``orbit`` (samples, size) at tau1 = k/samples;
     ``phase``, ``phase_columns`` (m,), ``phase_inhomogeneous`` (k,): the phase condition and its derivatives,
-    zero without a reference; ``finite`` is False when the orbit diverged.  ``factors`` of the implicit
-    stages, up to 256 MiB, are present only on request: store an image ``without_factors``.
+    zero without a reference; ``finite`` is False when the orbit diverged.  Of an implicit stepper:
+    ``missed`` (stages, size), by how much the guesses of the stages missed them, and their ``factors``, up to
+    256 MiB, which are present only on request: store an image ``without_factors``.
     """
 
     start: OrbitStart
@@ -85,6 +86,7 @@ class PeriodImage:
     phase_columns: Vector
     phase_inhomogeneous: Vector
     finite: bool
+    missed: Matrix | None = None
     factors: Matrix | None = None
 
     def without_factors(self) -> PeriodImage:
@@ -170,17 +172,19 @@ class PeriodMap:
         inhomogeneous: tuple[Inhomogeneity, ...] = (),
         reference: PhaseReference | None = None,
         keep_factors: bool = False,
+        near: PeriodImage | None = None,
     ) -> PeriodImage:
         """phi(state), M @ columns, the inhomogeneous columns and the phase condition in one pass.
 
-        ``keep_factors``: for further columns along the orbit, see ``with_columns``.  Raises ValueError if the
+        ``keep_factors``: for further columns along the orbit, see ``with_columns``.  ``near``: a pass of a
+        nearby orbit, from which the stages of an implicit stepper have better guesses.  Raises ValueError if the
         stepper is explicit and ``steps`` is not a multiple of ``samples`` (see ``rounded_steps``).
         """
         if not isinstance(self.stepper, ImplicitStepper) and steps % self.samples:
             raise ValueError(f"steps is {steps}; it must be a multiple of the {self.samples} samples")
         start = OrbitStart(np.array(state, dtype=float), np.array(parameters, dtype=float), period, steps)
         columns = np.zeros((self.size, 0)) if columns is None else columns
-        run, factors = self._pass(start, columns, inhomogeneous, reference), None
+        run, factors = self._pass(start, columns, inhomogeneous, reference, near), None
         with np.errstate(all="ignore"):
             if isinstance(self.stepper, ImplicitStepper):
                 finished, factors = implicit_pass(self.system, self.stepper, run, keep_factors)
@@ -197,6 +201,7 @@ class PeriodMap:
             phase_columns=run.functional[1 : 1 + given].copy(),
             phase_inhomogeneous=run.functional[1 + given :].copy(),
             finite=finished and bool(np.all(np.isfinite(run.block)) and np.all(np.isfinite(run.state))),
+            missed=run.missed,
             factors=factors,
         )
 
@@ -228,9 +233,14 @@ class PeriodMap:
         columns: Matrix,
         inhomogeneous: tuple[Inhomogeneity, ...],
         reference: PhaseReference | None,
+        near: PeriodImage | None = None,
     ) -> Pass:
         """The arrays of a pass at its start."""
         (size, given), forcing = columns.shape, self.system.forcing
+        implicit = isinstance(self.stepper, ImplicitStepper)
+        missed = np.zeros((start.steps * (self.stepper.stages - 1) if implicit else 0, size))
+        if near is not None and near.missed is not None and near.missed.shape == missed.shape:
+            missed[:] = near.missed
         width = given + len(inhomogeneous)
         block = np.zeros((size, width))
         block[:, :given] = columns
@@ -250,6 +260,7 @@ class PeriodMap:
             orbit=np.full((self.samples, size), np.nan),
             gradient=np.zeros((0, size)) if reference is None else reference.gradient,
             functional=np.zeros(1 + width),
+            missed=missed,
         )
 
     def phase_reference(self, orbit: Matrix, parameters: Vector, period: float) -> PhaseReference:

@@ -256,7 +256,8 @@ def correct(
 
     linear: Linearisation | None = None
     while True:
-        image = _evaluate(problem, unknowns, basis, steps, reference)
+        near = None if linear is None else linear.image
+        image = _evaluate(problem, unknowns, basis, steps, reference, near)
         if not image.finite:
             return ended(NewtonStop.NON_FINITE)
         residuals.append(max(problem.period_map.residual(unknowns.state, image), constraint.error(unknowns)))
@@ -427,14 +428,19 @@ def reference_of(problem: CycleProblem, unknowns: Unknowns, steps: int) -> Phase
 
 
 def _evaluate(
-    problem: CycleProblem, unknowns: Unknowns, basis: Matrix, steps: int, reference: PhaseReference | None
+    problem: CycleProblem,
+    unknowns: Unknowns,
+    basis: Matrix,
+    steps: int,
+    reference: PhaseReference | None,
+    near: PeriodImage | None,
 ) -> PeriodImage:
     """phi(s), M V, phi_l, phi_T and the phase rows in one pass that keeps its factors."""
     start = problem.orbit_start(unknowns, steps)
     inhomogeneous = [problem.period_map.parameter_column(problem.index, start.parameters)]
     if problem.period_map.autonomous:
         inhomogeneous.append(Inhomogeneity(period_rate=1.0))
-    return problem.period_map.evaluate(*start, basis, tuple(inhomogeneous), reference, keep_factors=True)
+    return problem.period_map.evaluate(*start, basis, tuple(inhomogeneous), reference, True, near)
 
 
 def _update_norm(problem: CycleProblem, update: Unknowns, reached: Unknowns, image: PeriodImage) -> float:

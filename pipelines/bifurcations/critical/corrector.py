@@ -144,7 +144,7 @@ def _correct_bordered(
             return history.ended(NewtonStop.SINGULAR)
         # in the first step gamma is wrong beside the tangent, along which the last point has told it
         wrong = _beside(moved, step.across, metric) if first else moved
-        at, basis = at.beside(moved, 1.0), following(basis, linear.image.columns)
+        at, basis = at.beside(moved, 1.0, linear.image), following(basis, linear.image.columns)
         vectors = Vectors(critical.right, critical.right_period or 0.0)
         warm = linear.whole
         del passed, linear  # free the factors before the next pass makes its own

@@ -88,7 +88,7 @@ def correct_extended(
         update = _extended_step(linear, vectors, angle, defect, reference, step, constraint.metric)
         if update is None:
             return history.ended(NewtonStop.SINGULAR)
-        at = at.beside(step.correction.plus(step.across, update.beta), 1.0)
+        at = at.beside(step.correction.plus(step.across, update.beta), 1.0, linear.image)
         vectors, angle = vectors + update.vectors, angle + update.angle
         basis, warm = following(basis, linear.image.columns), linear.whole
         del passed, linear  # free the factors before the next pass makes its own

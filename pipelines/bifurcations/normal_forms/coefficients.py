@@ -218,7 +218,7 @@ class _Differences:
 
     def _beside(self, distance: float, columns: Matrix) -> Matrix:
         way = Position(self.direction, 0.0, np.zeros(2))
-        return self.linear.at.beside(way, distance).tangent(columns).columns
+        return self.linear.at.beside(way, distance, self.linear.image).tangent(columns).columns
 
 
 def _solve(linear: ManifoldLinearisation, value: complex, columns: Complex) -> Complex:

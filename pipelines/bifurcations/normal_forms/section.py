@@ -50,9 +50,9 @@ class ReturnMapAt(MapAt):
         image = super().with_columns(image, columns)
         return replace(image, columns=self.projected(image.columns))
 
-    def beside(self, direction: Position, distance: float) -> ReturnMapAt:
+    def beside(self, direction: Position, distance: float, image: PeriodImage) -> ReturnMapAt:
         """P at position + distance direction, where the return time differs."""
-        at = replace(self, position=self.position.plus(direction, distance))
+        at = replace(self, position=self.position.plus(direction, distance), near=image.without_factors())
         for _ in range(_ITERATIONS):
             image = MapAt.tangent(at, np.zeros((len(self.normal), 0)), period_column=True)
             at = replace(at, flow=image.inhomogeneous[:, -1].copy())

@@ -13,8 +13,9 @@ A stage is solved by Newton's method,
 
     (I - h g J) d = R_i + h g f(S_i) - S_i,    S_i <- S_i + d,    until d is rounding
 
-from a guess R_i + h g K, with K extrapolated from the slopes of the last step and of this one.  The factors
-of an earlier stage are used as long as the method contracts fast.  The slope of a stage follows from its
+from a guess R_i + h g K, with K extrapolated from the slopes of the last step and of this one.  By how much
+it misses S_i changes little from an orbit to a nearby one, whose error is added to the guess.  The factors of
+an earlier stage are used as long as the method contracts fast.  The slope of a stage follows from its
 equation,
 
     K_i = (S_i - R_i) / (h g)
@@ -66,6 +67,7 @@ _VECTOR = types.float64[::1]
 
 _STAGE_ERROR = 1e-13  # of a stage, relative to max(1, largest entry): far below all tolerances of orbits
 _SLOW = 0.3  # contraction of Newton's method above which the matrix is factored anew
+_FIRST_CONTRACTION = 0.1  # of Newton's method in its first iteration, usually far less: it is not yet measured
 _NEWTON_ITERATIONS = 40
 _VECTORS = 5  # right, stage, load, trial and term of the scratch space
 
@@ -182,16 +184,21 @@ def begin_step(step):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def solve_stage(equations, method, h, i, forced, state, factored, factors, step):  # type: ignore[no-untyped-def]
+def solve_stage(equations, method, h, i, forced, state, factored, factors, missed, step):  # type: ignore[no-untyped-def]
     """Write S_i into ``step.stage`` and K_i into the slopes; False if Newton's method fails.
 
     ``forced``: the phase of the forcing, which an oscillator replaces by its own; ``factored``: use the
-    factors of an earlier stage, which are renewed when Newton's method contracts slowly.
+    factors of an earlier stage, which are renewed when Newton's method contracts slowly; ``missed``: by how
+    much the guess missed S_i on a nearby orbit, replaced by this one's error.
     """
     a, right, stage = method.a, step.right, step.stage
     stages, weight = a.shape[0], h * a[i, i]
     combine(right, state, h, a[i], i, step.slopes[stages:])
     combine(stage, right, weight, method.predictor[i], stages + i, step.slopes)
+    for k in range(stage.shape[0]):
+        guess = stage[k]
+        stage[k] += missed[k]
+        missed[k] = -guess
     oscillator = equations.oscillator
     if oscillator >= 0:
         _oscillator_stage(right, weight, equations.parameters[oscillator], stage)
@@ -201,6 +208,7 @@ def solve_stage(equations, method, h, i, forced, state, factored, factors, step)
     slope = step.slopes[stages + i]
     for k in range(slope.shape[0]):
         slope[k] = (stage[k] - right[k]) / weight
+        missed[k] += stage[k]
     return True
 
 
@@ -227,7 +235,7 @@ def _newton(equations, method, phase, weight, factored, factors, step):  # type:
             total += abs(stage[i])  # max() ignores NaN
         if not np.isfinite(total):
             return False
-        contraction = update / last if since > 0 else 1.0
+        contraction = update / last if since > 0 else _FIRST_CONTRACTION
         if update * min(1.0, contraction / (1.0 - min(contraction, 0.5))) <= _STAGE_ERROR * size:
             return True
         factored = since == 0 or contraction < _SLOW

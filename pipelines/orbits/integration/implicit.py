@@ -51,21 +51,22 @@ def _samples_within(step, steps, count):  # type: ignore[no-untyped-def]
     types.int64(
         ENTRY, ENTRY, ENTRY, ENTRY, _MATRIX, _VECTOR, _MATRIX,
         _INT, _FLOAT, _FLOAT, _INT, _VECTOR, _VECTOR, _INTEGERS, _VECTOR, _VECTOR, _VECTOR, _MATRIX,
-        _INTEGERS, _VECTOR, _MATRIX, _MATRIX, _VECTOR, _VECTOR, _VECTOR, _MATRIX,
+        _INTEGERS, _VECTOR, _MATRIX, _MATRIX, _VECTOR, _VECTOR, _VECTOR, _MATRIX, _MATRIX,
     ),
 )  # fmt: skip
 def propagate_implicit(  # type: ignore[no-untyped-def]
     rates, tangent, factorise, solve, a, c, predictor,
     steps, turn, period, oscillator, parameters, constants, layout, work, factors, state, lanes,
-    column_parameter, column_period, samples, gradient, functional, orbit_space, column_space, kept,
+    column_parameter, column_period, samples, gradient, functional, orbit_space, column_space, missed, kept,
 ):  # fmt: skip
     """Advance ``state`` (size,) and ``lanes`` (chunks, size * LANES) in place over one period.
 
     ``predictor`` (stages, 2 stages): weights of the slopes of the last step and of this one that
     extrapolate to each stage.  ``samples`` (K, size) receives the orbit at tau1 = k / K, interpolated
     within the steps by cubic Hermite polynomials; the functional (1 + columns) is summed over the samples.
-    ``column_parameter`` and ``column_period`` may be shorter than the columns.  ``kept`` (steps
-    (stages - 1), len(factors)) receives the factors with which the columns were solved, unless it has no
+    ``column_parameter`` and ``column_period`` may be shorter than the columns.  ``missed`` (steps
+    (stages - 1), size): errors of the guesses of all stages on a nearby orbit, or zeros; it receives those of
+    this one.  ``kept`` (steps (stages - 1), len(factors)) receives the factors with which the columns were solved, unless it has no
     rows.  Everything else as in ``propagation.propagate``.
 
     Returns -1, or the step that failed.
@@ -90,13 +91,14 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
         for i in range(1, stages):
             phase = turn * (step + c[i]) / steps
             factored = factored and (chunks > 0 or i > 1)
-            if not solve_stage(equations, method, h, i, phase, state, factored, factors, own):
+            row = step * (stages - 1) + i - 1
+            if not solve_stage(equations, method, h, i, phase, state, factored, factors, missed[row], own):
                 return step
             factored = True
             if chunks > 0:
                 linearise_stage(equations, method, h, i, growth, phase, factors, own, columns)
                 if kept.shape[0] > 0:
-                    assign(kept[step * (stages - 1) + i - 1], factors)
+                    assign(kept[row], factors)
         first, behind = _samples_within(step, steps, samples.shape[0])
         for k in range(first, behind):
             x = k * steps / samples.shape[0] - step

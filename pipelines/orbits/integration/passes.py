@@ -24,7 +24,8 @@ class Pass:
     """Input of a compiled loop, and the arrays that it advances in place.
 
     ``turn``: change of the forcing's phase [rad]; ``oscillator``: index of the frequency of Eq. 17, or -1;
-    ``block``: the columns; ``orbit`` (samples, size); all other shapes as in ``propagation.propagate``.
+    ``block``: the columns; ``orbit`` (samples, size); ``missed`` (stages, size): errors of the guesses of an
+    implicit stepper's stages; all other shapes as in ``propagation.propagate``.
     """
 
     parameters: Vector
@@ -39,6 +40,7 @@ class Pass:
     orbit: Matrix
     gradient: Matrix
     functional: Vector
+    missed: Matrix
 
 
 def explicit_pass(system: DynamicalSystem, stepper: Stepper, run: Pass) -> bool:
@@ -75,7 +77,7 @@ def implicit_pass(
         run.parameters, system.constants, system.layout, aligned(system.work_size),
         aligned(size), run.state, lines,
         run.column_parameter, run.column_period, run.orbit, run.gradient, functional,
-        orbit_space, column_space, kept,
+        orbit_space, column_space, run.missed, kept,
     )  # fmt: skip
     _take(run, lines, functional)
     return bool(failed < 0), kept if keeps and failed < 0 else None
