@@ -235,12 +235,13 @@ def map_slopes(
         known = image.factors is not None
         image = at.with_columns(image, columns) if known else at.tangent(columns, weights is not None)
     parts, phases = [], []
+
+    def beside(direction: Position, distance: float) -> PeriodImage:
+        return at.beside(direction, distance, image).tangent(columns, weights is not None)
+
     for direction in directions:
         distance = (_CENTRAL_SHIFT if central else _SHIFT) * scale / metric.largest(direction)
-        ahead, behind = (
-            at.beside(direction, side * distance, image).tangent(columns, weights is not None) if side else image
-            for side in ((1.0, -1.0) if central else (1.0, 0.0))
-        )
+        ahead, behind = beside(direction, distance), beside(direction, -distance) if central else image
         (there, row), (here, other) = _weighted(ahead, weights), _weighted(behind, weights)
         width = 2.0 * distance if central else distance
         parts.append((there - here) / width)

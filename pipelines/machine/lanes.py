@@ -4,7 +4,8 @@
     add_lanes         out <- out + a row times a factor
     accumulate_lanes  out <- base + sum of equally spaced rows times factors
 
-and ``borrowed``, an array whose views are not reference-counted: counting would take half of the films' time.
+``multiply_quads``, the product of small matrices with rows of QUAD values, and ``borrowed``, an array whose
+views are not reference-counted: counting would take half of the films' time.
 
 numba does not vectorise such short loops. ``vector_lanes`` generates the vector instructions, through
 interfaces of numba and llvmlite that may change with any version. Where they have changed, or with
@@ -22,7 +23,16 @@ from numba import errors
 from . import plain_lanes
 from .plain_lanes import LANES, QUAD
 
-__all__ = ["LANES", "PLAIN", "accumulate_lanes", "add_lanes", "borrowed", "set_lanes"]
+__all__ = [
+    "LANES",
+    "PLAIN",
+    "QUAD",
+    "accumulate_lanes",
+    "add_lanes",
+    "borrowed",
+    "multiply_quads",
+    "set_lanes",
+]
 
 
 def chosen() -> ModuleType:

@@ -97,9 +97,8 @@ def are_twins(state, constants, layout):
     for k in range(1 + FILM_SCALARS + film_layout(one).end):
         if first[k] != second[k]:
             return False
-    journal, beside = (
-        journal_coordinates(0, state, clearance, layout), journal_coordinates(1, state, other_clearance, layout)
-    )  # fmt: skip
+    journal = journal_coordinates(0, state, clearance, layout)
+    beside = journal_coordinates(1, state, other_clearance, layout)
     largest = 0.0
     for k in range(4):
         largest = max(largest, abs(journal[k] - beside[k]))

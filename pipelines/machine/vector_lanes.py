@@ -146,7 +146,8 @@ def multiply_quads(typing, quads, rows, a, at_a, row_a, b, at_b, row_b, add, out
         of, width = signature.args, QUAD
 
         def place(which, array, start, step, k):  # type: ignore[no-untyped-def]
-            return _address(context, builder, of[which], array, builder.add(start, builder.mul(k, step)), width)
+            at = builder.add(start, builder.mul(k, step))
+            return _address(context, builder, of[which], array, at, width)
 
         def number(value):  # type: ignore[no-untyped-def]
             return ir.Constant(rows.type, value)

@@ -177,8 +177,8 @@ class PeriodMap:
         """phi(state), M @ columns, the inhomogeneous columns and the phase condition in one pass.
 
         ``keep_factors``: for further columns along the orbit, see ``with_columns``.  ``near``: a pass of a
-        nearby orbit, from which the stages of an implicit stepper have better guesses.  Raises ValueError if the
-        stepper is explicit and ``steps`` is not a multiple of ``samples`` (see ``rounded_steps``).
+        nearby orbit, from which the stages of an implicit stepper have better guesses.  Raises ValueError if
+        the stepper is explicit and ``steps`` is not a multiple of ``samples`` (see ``rounded_steps``).
         """
         if not isinstance(self.stepper, ImplicitStepper) and steps % self.samples:
             raise ValueError(f"steps is {steps}; it must be a multiple of the {self.samples} samples")
@@ -239,7 +239,7 @@ class PeriodMap:
         (size, given), forcing = columns.shape, self.system.forcing
         implicit = isinstance(self.stepper, ImplicitStepper)
         missed = np.zeros((start.steps * (self.stepper.stages - 1) if implicit else 0, size))
-        if near is not None and near.missed is not None and near.missed.shape == missed.shape:
+        if near is not None and near.finite and near.missed is not None and near.missed.shape == missed.shape:
             missed[:] = near.missed
         width = given + len(inhomogeneous)
         block = np.zeros((size, width))

@@ -62,6 +62,31 @@ def test_both_give_the_same_sums() -> None:
 
 
 @pytest.mark.parametrize("module", [plain_lanes, vector_lanes])
+@pytest.mark.parametrize("quads", [1, 2])
+@pytest.mark.parametrize("add", [False, True])
+def test_product_of_small_matrices(module: ModuleType, quads: int, add: bool) -> None:
+    """Parts of larger arrays; what lies beside the product stays as it was."""
+    multiply_quads, known = module.multiply_quads, (0,) * quads
+
+    @njit
+    def multiply(rows, a, b, out):  # type: ignore[no-untyped-def]
+        u = UNSIGNED
+        multiply_quads(known, u(rows), a.ravel(), u(7), u(6), b.ravel(), u(13), u(12), add, out, u(11), u(10))
+
+    random = np.random.default_rng(3)
+    a, b, before = random.standard_normal((7, 6)), random.standard_normal((6, 12)), random.standard_normal(90)
+    width, out = quads * lanes.QUAD, before.copy()
+    multiply(5, a, b, out)
+    product = a[1:6, 1 : 1 + lanes.QUAD] @ b[1 : 1 + lanes.QUAD, 1 : 1 + width]
+    expected = before.copy().reshape(9, 10)
+    expected[1:6, 1 : 1 + width] = expected[1:6, 1 : 1 + width] + product if add else -product
+    np.testing.assert_allclose(out.reshape(9, 10), expected, rtol=0.0, atol=1e-14)
+    untouched = np.ones((9, 10), dtype=bool)
+    untouched[1:6, 1 : 1 + width] = False
+    np.testing.assert_array_equal(out.reshape(9, 10)[untouched], before.reshape(9, 10)[untouched])
+
+
+@pytest.mark.parametrize("module", [plain_lanes, vector_lanes])
 def test_borrowed_arrays_are_the_same_memory(module: ModuleType) -> None:
     """What is written through a view is in the array, and nothing is freed that the caller holds."""
     borrowed = module.borrowed

@@ -10,6 +10,7 @@ import pytest
 from pipelines.case.models import Case
 from pipelines.machine.assembly import build_machine, parameter_vector
 from pipelines.machine.lanes import LANES
+from pipelines.machine.rates import JOURNAL, ROTOR_STATE, are_twins
 from pipelines.orbits.machine_cycles import machine_system
 from tests.machines import BEARING, FOIL, OTHER_BEARING, case, symmetric_rotor
 
@@ -88,6 +89,44 @@ def test_variants_of_the_bearing(changes: dict[str, Any]) -> None:
     jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
     expected = np.linalg.solve(np.eye(system.size) - 0.05 * jacobian, right)
     np.testing.assert_allclose(solved(system, state, parameters, 0.05, right), expected, atol=1e-11)
+
+
+def twins(description: Case) -> tuple[Any, np.ndarray, np.ndarray]:
+    """The system, a state with both films and journals alike, the parameters."""
+    system, state, parameters = states(description)
+    machine = build_machine(description)
+    first, second = machine.bearings
+    films = first.settings.unknowns
+    state[films : 2 * films] = state[:films]
+    rotor = state[2 * films :].reshape(2, -1)
+    at, beside = system.layout[JOURNAL], system.layout[JOURNAL + 1]
+    rotor[:, beside : beside + 2] = rotor[:, at : at + 2]
+    assert first.settings.unknowns == second.settings.unknowns
+    return system, state, parameters
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-13, 1e-9])
+@pytest.mark.parametrize("where", ["pressure", "foil", "journal"])
+def test_twin_bearings(apart: float, where: str) -> None:
+    """Films alike to rounding share their factors; the solution is that of the dense matrix all the same."""
+    system, state, parameters = twins(case((12, 4), numerics={"scheme": "fourth_order"}))
+    journal = system.layout[ROTOR_STATE] + system.layout[JOURNAL]
+    state[{"pressure": 3, "foil": 11 * 4 + 5, "journal": journal}[where]] += apart
+    assert are_twins(state, system.constants, system.layout) == (apart < 1e-12)
+    right = np.random.default_rng(4).standard_normal((system.size, LANES))
+    jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
+    expected = np.linalg.solve(np.eye(system.size) - 0.05 * jacobian, right)
+    found = solved(system, state, parameters, 0.05, right)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    "change", [{"clearance": 22e-6}, {"foil": {**FOIL, "loss_factor": 0.3}}, {"clipping": "smooth"}]
+)
+def test_bearings_that_differ_are_no_twins(change: dict[str, Any]) -> None:
+    """In any constant, however alike their films are."""
+    system, state, _ = twins(case((8, 2), bearings=(BEARING, {**BEARING, "node": 12, **change})))
+    assert not are_twins(state, system.constants, system.layout)
 
 
 def test_factors_follow_the_speed() -> None:

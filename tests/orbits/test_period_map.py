@@ -9,8 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numba import njit
 
 from pipelines.machine.assembly import build_machine
+from pipelines.machine.kernels import SOLVE
+from pipelines.machine.lanes import LANES
 from pipelines.orbits.integration import passes
 from pipelines.orbits.integration.implicit import propagate_implicit
 from pipelines.orbits.period_map import Formulation, Inhomogeneity, PeriodImage, PeriodMap
@@ -188,6 +191,49 @@ def same_bits(first: PeriodImage, second: PeriodImage) -> bool:
     """Of all that two images tell of the map, its columns included."""
     names = ("state", "columns", "orbit", "phase", "phase_columns", "finite")
     return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in names)
+
+
+def counting_solves(system: DynamicalSystem) -> DynamicalSystem:
+    """The system with the number of linear systems that it has solved in its last constant."""
+    solve = system.shifted.solve  # type: ignore[union-attr]
+
+    @njit(SOLVE)
+    def counted_solve(factors, constants, layout, work, lanes):  # type: ignore[no-untyped-def]
+        constants[constants.shape[0] - 1] += 1.0
+        solve(factors, constants, layout, work, lanes)
+
+    shifted = replace(system.shifted, solve=counted_solve)
+    return replace(system, shifted=shifted, constants=np.append(system.constants, 0.0))
+
+
+@pytest.mark.parametrize("formulation", list(Formulation))
+def test_a_pass_beside_another_takes_fewer_iterations(formulation: Formulation) -> None:
+    """It gives the same image; the nearer the orbits, the less Newton's method has left to do."""
+    system = counting_solves(implicit(tondl()))
+    period_map, steps = PeriodMap(system, ESDIRK5, formulation, samples=8), 12
+    period, state = period_map.period(PARAMETERS), period_map.extend(STATE)
+    columns = np.eye(period_map.size)
+    alone = period_map.evaluate(state, PARAMETERS, period, steps, columns)
+
+    def solves(near: PeriodImage | None) -> float:
+        before = system.constants[-1]
+        image = period_map.evaluate(state, PARAMETERS, period, steps, columns, near=near)
+        np.testing.assert_allclose(image.columns, alone.columns, rtol=0.0, atol=1e-11)
+        np.testing.assert_allclose(image.state, alone.state, rtol=0.0, atol=1e-12)
+        # what the predictor misses belongs to the orbit, not to the one beside it
+        np.testing.assert_allclose(image.missed, alone.missed, rtol=0.0, atol=1e-11)
+        return float(system.constants[-1] - before)
+
+    counts = [solves(None)]
+    for apart in (1e-2, 1e-6, 1e-13):
+        beside = state + apart * np.append(np.ones(4), np.zeros(period_map.size - 4))
+        counts.append(solves(period_map.evaluate(beside, PARAMETERS, period, steps)))
+    stages = steps * (ESDIRK5.stages - 1)
+    columns_alone = stages * -(-period_map.size // LANES)
+    assert counts[0] > counts[1] > counts[2] > counts[3] == stages + columns_alone
+    other = period_map.evaluate(state, PARAMETERS, period, 2 * steps)
+    assert solves(other) == counts[0]  # of other steps nothing is known
+    assert solves(replace(other, finite=False)) == counts[0]
 
 
 @pytest.mark.parametrize("make", ["stroboscopic", "unforced", "machine"])

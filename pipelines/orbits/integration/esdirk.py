@@ -67,7 +67,7 @@ _VECTOR = types.float64[::1]
 
 _STAGE_ERROR = 1e-13  # of a stage, relative to max(1, largest entry): far below all tolerances of orbits
 _SLOW = 0.3  # contraction of Newton's method above which the matrix is factored anew
-_FIRST_CONTRACTION = 0.1  # of Newton's method in its first iteration, usually far less: it is not yet measured
+_FIRST_CONTRACTION = 0.1  # before it is measured; usually it is far less
 _NEWTON_ITERATIONS = 40
 _VECTORS = 5  # right, stage, load, trial and term of the scratch space
 
