@@ -31,6 +31,7 @@ class ExplicitMap(PeriodMap):
         inhomogeneous=(),
         reference=None,
         keep_factors=False,
+        near=None,
     ) -> PeriodImage:
         size = self.size
         columns = np.zeros((size, 0)) if columns is None else columns
