@@ -14,7 +14,14 @@ from tests.benchmarks.campaign import campaign
 from tests.benchmarks.cold_start import cold_start
 from tests.benchmarks.commits import commits
 from tests.benchmarks.curves import curve_point
-from tests.benchmarks.cycles import branch_point, full_monodromy, further_columns, growth, tangent_batch
+from tests.benchmarks.cycles import (
+    branch_point,
+    full_monodromy,
+    further_columns,
+    growth,
+    shared_work,
+    tangent_batch,
+)
 from tests.benchmarks.instability import backward_error
 from tests.benchmarks.measuring import Measurement, markdown_table, recorded_values, write_json
 from tests.benchmarks.memory import peak_memory
@@ -27,6 +34,7 @@ from tests.benchmarks.transients import transient_steps
 ENTRIES: dict[str, Callable[[Settings], list[Measurement]]] = {
     "tangent_batch_ratio": tangent_batch,
     "further_columns_ratio": further_columns,
+    "shared_work": shared_work,
     "stepper_ratio": stepper_ratios,
     "branch_point_ratio": branch_point,
     "full_monodromy_ratio": full_monodromy,

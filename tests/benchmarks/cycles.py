@@ -37,6 +37,8 @@ from tests.machines import case
 Array = NDArray[np.float64]
 
 SWEPT_COLUMNS = 5  # of a Picard sweep
+SLOW_COLUMNS = 14  # of a slow subspace
+APART = 1e-6  # of the state: two passes of one correction
 SPEED = 1.1  # the cycle is stable, with the Neimark-Sacker point ahead
 NEXT_SPEED = 1.12
 
@@ -118,6 +120,31 @@ def further_columns(settings: Settings) -> list[Measurement]:
     pair = interleaved(first, further, settings.tangent_pairs)
     told = f"orbit + {SWEPT_COLUMNS} columns / the columns with its factors, {_name(settings.default_grid)}"
     return [Measurement("further_columns_ratio", pair.ratio, "1", told)]
+
+
+def shared_work(settings: Settings) -> list[Measurement]:
+    """What equal bearings share, and what a pass takes over from one of an orbit beside it."""
+    start = prepared(settings.default_grid)
+    cycle, period_map = start.cycle(), start.problem.period_map
+    block, at = deterministic_block(period_map.size, SLOW_COLUMNS), cycle.image.start
+    beside = at._replace(state=at.state * (1.0 + APART))
+    neighbour = period_map.evaluate(*beside)
+    constants = period_map.system.constants.copy()
+    constants[0] = np.nextafter(constants[0], 2.0)  # the clearance of one bearing in its last digit
+    apart = replace(period_map, system=replace(period_map.system, constants=constants))
+    told = f"orbit + {SLOW_COLUMNS} columns, {_name(settings.default_grid)}"
+    found: list[Measurement] = []
+    for name, first, second, what in (
+        ("twin_bearings_ratio", apart, None, "bearings that differ in one bit / equal bearings"),
+        ("nearby_pass_ratio", period_map, neighbour, f"alone / after a pass beside it, {APART:g} apart"),
+    ):
+        pair = interleaved(
+            lambda first=first: first.evaluate(*at, block),
+            lambda second=second: period_map.evaluate(*at, block, near=second),
+            settings.tangent_pairs,
+        )
+        found.append(Measurement(name, pair.ratio, "1", f"{told}: {what}"))
+    return found
 
 
 def full_monodromy(settings: Settings) -> list[Measurement]:

@@ -29,6 +29,7 @@ NAMES = {
         *("tangent_batch_ratio_rk4", "period_map_rk4", "period_map_columns_rk4"),
     },
     "further_columns_ratio": {"further_columns_ratio"},
+    "shared_work": {"twin_bearings_ratio", "nearby_pass_ratio"},
     "stepper_ratio": {"stepper_ratio_12x2"},
     "branch_point_ratio": {"branch_point_ratio"},
     "full_monodromy_ratio": {"full_monodromy_ratio", "cycle_correction"},
