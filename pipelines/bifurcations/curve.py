@@ -89,6 +89,7 @@ class CurveOptions:
     ``event_tolerance``: width of the final bracket of a special point, in arclength.
     ``boundary``: whether the curve ends where other multipliers are unstable, at its first point or in the
     step behind the one in which a special point made them so.
+    ``fewer_time_steps``: whether a point may have fewer than the one before; other time steps move the curve.
     ``normal_form``: differences for the critical coefficients; None leaves them out, and with them
     generalised period doublings and Chenciner points.
 
@@ -106,6 +107,7 @@ class CurveOptions:
     parameter_scales: tuple[float, float] = (1.0, 1.0)
     event_tolerance: float = 1e-11
     boundary: bool = False
+    fewer_time_steps: bool = True
     normal_form: NormalFormOptions | None = field(default_factory=NormalFormOptions)
 
     def __post_init__(self) -> None:
@@ -117,13 +119,16 @@ class CurveOptions:
 def around_tongue(options: CurveOptions, width: float) -> CurveOptions:
     """The options for the curve around a tongue of this width: its first and its shortest steps are shorter.
 
-    Unchanged for a width of NaN, and for a wide tongue.
+    It keeps its time steps: with others the tongue may lie beside itself by a part of its width, where no
+    short step leads.  Unchanged for a width of NaN, and for a wide tongue.
     """
     if not width > 0.0:
         return options
     shortest = min(options.minimum_step, _SHORTEST_STEP * width)
     step = max(shortest, min(options.step, _FIRST_STEP * width))
-    return replace(options, step=step, minimum_step=shortest)
+    if step == options.step:
+        return replace(options, minimum_step=shortest)
+    return replace(options, step=step, minimum_step=shortest, fewer_time_steps=False)
 
 
 @dataclass(frozen=True)

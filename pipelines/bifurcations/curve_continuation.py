@@ -211,6 +211,8 @@ class _Curve(Tracer[CurveState, CurveStep]):
         metric = curve_metric(problem, options, state.start)
         cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
         steps = next_steps(cycles, steps_of(state))
+        if not options.fewer_time_steps:
+            steps = max(steps, state.steps)
         reference = reference_of(cycles, unknowns, steps)
         segment = _predict_and_correct(problem, state, options, metric, steps, reference)
         if isinstance(segment, Rejected):

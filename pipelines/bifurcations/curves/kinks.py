@@ -45,6 +45,7 @@ Attempt = Callable[[CurveProblem, CurveState], CurveStep | Rejected]
 Advance = Callable[[CurveState, CurveStep], CurveState]
 
 _SHORTEST, _LONGEST = 4.0, 1000.0  # a step is short below 4 shortest ones or a 1000th of the longest one
+_FIRST = 100.0  # or, where the first step is far shorter than the longest one, below a part of that
 _TRIED = 4.0  # times that length: first step on a smoother map
 _RECOVERED = 8.0  # likewise: the kink lies behind, the exact map is tried again
 _FINER = 4.0  # times as many time steps, before a smoother map
@@ -76,8 +77,12 @@ def attempt_past_kinks(
 
 
 def short_step(options: CurveOptions) -> float:
-    """The length below which steps are short: some of the shortest one, or a part of the longest."""
-    return min(options.maximum_step, max(_SHORTEST * options.minimum_step, options.maximum_step / _LONGEST))
+    """The length below which steps are short: some of the shortest one, or a part of the longest.
+
+    Around a narrow tongue the first step is short too, and tells what is short there.
+    """
+    part = min(options.maximum_step / _LONGEST, options.step / _FIRST)
+    return min(options.maximum_step, max(_SHORTEST * options.minimum_step, part))
 
 
 def _stops_at_kink(problem: CurveProblem, state: CurveState, options: CurveOptions, step: Rejected) -> bool:
