@@ -200,9 +200,13 @@ class Tracer(ABC, Generic[State, Accepted]):
         """Why the curve ends before a step that would be accepted, and a message."""
         return None
 
+    def shortest_step(self, state: State) -> float:
+        """The shortest step from a state."""
+        return float(self.options.minimum_step)
+
     def is_shortest(self, state: State) -> bool:
-        """Whether half of the step would be shorter than the minimum."""
-        return bool(0.5 * state.step < self.options.minimum_step)
+        """Whether half of the step would be shorter than the shortest one."""
+        return bool(0.5 * state.step < self.shortest_step(state))
 
 
 def follow(
@@ -236,7 +240,7 @@ def follow(
         if isinstance(step, Rejected):
             if tracer.is_shortest(state):
                 return Result(step.ending or stops.MINIMUM_STEP, state, step.message)
-            length = max(step.factor * state.step, tracer.options.minimum_step)
+            length = max(step.factor * state.step, tracer.shortest_step(state))
             state = replace(state, step=length)  # type: ignore[type-var]
             continue
         if limit is not None and (message := limit(step.point)) is not None:

@@ -22,7 +22,6 @@ from pipelines.bifurcations.continuation import (
     Record,
     Rejected,
     Tracer,
-    adapted_length,
     bound_passed,
     follow,
     leaves_ranges,
@@ -57,7 +56,7 @@ from pipelines.bifurcations.curves.first_point import (
     start_curve,
     with_errors,
 )
-from pipelines.bifurcations.curves.kinks import attempt_past_kinks
+from pipelines.bifurcations.curves.kinks import attempt_past_kinks, next_length, short_step, shortest_step
 from pipelines.bifurcations.curves.segment import (
     Bracket,
     CurveEnd,
@@ -138,6 +137,7 @@ class _Curve(Tracer[CurveState, CurveStep]):
         self.options = options
         self._traced = traced
         self._own = own
+        self._in_vain: set[int] = set()
 
     def remember(self, state: CurveState) -> None:
         """Add a recorded point to those that the curve may meet again."""
@@ -162,7 +162,13 @@ class _Curve(Tracer[CurveState, CurveStep]):
 
     def attempt(self, state: CurveState) -> CurveStep | Rejected:
         """One step: predict, correct, test, locate; past a kink of the equations on regularised maps."""
-        return attempt_past_kinks(self.problem, state, self.options, self._attempt, self.advance)
+        return attempt_past_kinks(
+            self.problem, state, self.options, self._attempt, self.advance, self._in_vain
+        )
+
+    def shortest_step(self, state: CurveState) -> float:
+        """The shortest step from a state; shorter on smoother maps."""
+        return shortest_step(self.options, state)
 
     def ends_before(self, state: CurveState, step: CurveStep) -> tuple[CurveStop, str] | None:
         """Whether the curve runs along a known one or along itself, or bounds no stable cycles."""
@@ -192,7 +198,7 @@ class _Curve(Tracer[CurveState, CurveStep]):
             bend_period=bend.period,
             bend_parameters=bend.parameters,
             index=state.index + 1,
-            step=adapted_length(state.step, step.point.newton_iterations, self.options),
+            step=next_length(step, self.options),
             arclength=state.arclength + step.length,
             previous_tests=state.tests,
             previous_arclength=state.arclength,
@@ -201,18 +207,19 @@ class _Curve(Tracer[CurveState, CurveStep]):
         )
 
     def _attempt(self, problem: CurveProblem, state: CurveState) -> CurveStep | Rejected:
+        steps = next_steps(problem.cycle_problem(state.position), steps_of(state))
+        # other time steps move the curve, perhaps by more than a short step
+        if not self.options.fewer_time_steps or state.step < short_step(self.options):
+            steps = max(steps, state.steps)
         try:
-            return self._step(problem, state)
+            return self._step(problem, state, steps)
         except np.linalg.LinAlgError:
             return Rejected("a matrix of the step is singular")
 
-    def _step(self, problem: CurveProblem, state: CurveState) -> CurveStep | Rejected:
+    def _step(self, problem: CurveProblem, state: CurveState, steps: int) -> CurveStep | Rejected:
         options = self.options
         metric = curve_metric(problem, options, state.start)
         cycles, unknowns = problem.cycle_problem(state.position), problem.unknowns(state.position)
-        steps = next_steps(cycles, steps_of(state))
-        if not options.fewer_time_steps:
-            steps = max(steps, state.steps)
         reference = reference_of(cycles, unknowns, steps)
         segment = _predict_and_correct(problem, state, options, metric, steps, reference)
         if isinstance(segment, Rejected):

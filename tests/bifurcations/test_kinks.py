@@ -142,6 +142,35 @@ def test_restart_gives_the_same_bits() -> None:
             ))  # fmt: skip
 
 
+def test_a_bend_within_the_shortest_step_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the map of a width, which rounds the corner off over a part of the shortest step."""
+    monkeypatch.setattr(kinks, "_exact_end", lambda *_: None)
+    width, options = 0.005, replace(OPTIONS, minimum_step=5e-3)
+    own, begin = problem(SHARP, (width,)), run_of(SHARP).states[0]
+    smooth = kinks._state_with_width(own, begin, options, width, 0.0)
+    assert smooth is not None
+    run = trace(own, smooth, options)
+    assert run.result.stop is CurveStop.RANGE
+    p, b = run.parameters.T
+    shares = np.array([regularised_share(a, width) for a in p + b])
+    assert np.max(np.abs(b - 2.0 * math.pi * SHARP * shares)) < 1e-9
+    assert np.linalg.norm(np.diff(run.parameters, axis=0), axis=1).min() < 0.1 * options.minimum_step
+
+
+def test_smoother_maps_are_searched_once_from_a_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A shorter step changes nothing in a search that failed."""
+    searched: list[int] = []
+
+    def none(problem: CurveProblem, state: CurveState, *_: Any) -> None:
+        searched.append(state.index)
+
+    monkeypatch.setattr(kinks, "_on_smoother_map", none)
+    run = trace(problem(SHARP), start([-1.3, 0.0, 0.0], (-2.3, 0.0), NU), OPTIONS)
+    assert run.result.stop is CurveStop.MINIMUM_STEP
+    assert searched
+    assert len(set(searched)) == len(searched)
+
+
 def test_without_a_smooth_cycle_the_curve_ends_as_before() -> None:
     exact = film_map(SHARP)
     nowhere = NowhereMap(exact.system, samples=1, steps_per_period=1, function=exact.function)
@@ -167,7 +196,9 @@ def test_more_time_steps_come_before_a_width() -> None:
 
     def past(steps: int) -> Any:
         asked.clear()
-        return kinks.attempt_past_kinks(own, replace(first, steps=steps), OPTIONS, attempt, lambda *_: first)
+        return kinks.attempt_past_kinks(
+            own, replace(first, steps=steps), OPTIONS, attempt, lambda *_: first, set()
+        )
 
     assert past(12) is passed
     assert asked == [12, 48]
@@ -178,7 +209,7 @@ def test_more_time_steps_come_before_a_width() -> None:
     asked.clear()
     assert past(400) is passed
     assert asked == [400]
-    most = [kinks._with_more_time_steps(own, replace(first, steps=steps)) for steps in (200, 400)]
+    most = [kinks._with_more_time_steps(own, replace(first, steps=steps), OPTIONS) for steps in (200, 400)]
     assert [state and state.steps for state in most] == [400, None]
 
 

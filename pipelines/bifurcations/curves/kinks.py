@@ -46,6 +46,7 @@ Advance = Callable[[CurveState, CurveStep], CurveState]
 
 _SHORTEST, _LONGEST = 4.0, 1000.0  # a step is short below 4 shortest ones or a 1000th of the longest one
 _FIRST = 100.0  # or, where the first step is far shorter than the longest one, below a part of that
+_BEND = 1.0 / 16.0  # of the shortest step: on a smoother map
 _TRIED = 4.0  # times that length: first step on a smoother map
 _RECOVERED = 8.0  # likewise: the kink lies behind, the exact map is tried again
 _FINER = 4.0  # times as many time steps, before a smoother map
@@ -56,20 +57,29 @@ _NEAR = 0.5  # of the step: a point that moves further may come to another curve
 
 
 def attempt_past_kinks(
-    problem: CurveProblem, state: CurveState, options: CurveOptions, attempt: Attempt, advance: Advance
+    problem: CurveProblem,
+    state: CurveState,
+    options: CurveOptions,
+    attempt: Attempt,
+    advance: Advance,
+    in_vain: set[int],
 ) -> CurveStep | Rejected:
     """One step on the map of the state; where that is too short beside a kink, with more time steps.
 
     If these do not help, on a smoother map: the widths are tried in their order, beginning with the first one
-    above that of the state.
+    above that of the state.  ``in_vain``: indices of the points from which none leads on, where none is tried
+    again, because a shorter step changes nothing in that search; it is added to.
     """
     own = problem.with_width(state.clipping_width)
     step = attempt(own, state)
     if isinstance(step, Rejected) and _stops_at_kink(problem, state, options, step):
-        finer = _with_more_time_steps(problem, state)
+        finer = _with_more_time_steps(problem, state, options)
         past = step if finer is None else attempt(own, finer)
-        if isinstance(past, Rejected):
-            past = _on_smoother_map(problem, state, options, attempt, advance) or step
+        if isinstance(past, Rejected) and state.index not in in_vain:
+            smoother = _on_smoother_map(problem, state, options, attempt, advance)
+            if smoother is None:
+                in_vain.add(state.index)
+            past = smoother or step
         step = past
     if isinstance(step, Rejected) or step.begin.clipping_width == 0.0:
         return step
@@ -85,11 +95,22 @@ def short_step(options: CurveOptions) -> float:
     return min(options.maximum_step, max(_SHORTEST * options.minimum_step, part))
 
 
+def shortest_step(options: CurveOptions, state: CurveState) -> float:
+    """The shortest step from a state: shorter on a smoother map, whose curve has a bend for a corner."""
+    return options.minimum_step * (1.0 if state.clipping_width == 0.0 else _BEND)
+
+
+def next_length(step: CurveStep, options: CurveOptions) -> float:
+    """The length of the next step."""
+    shortest = replace(options, minimum_step=shortest_step(options, step.begin))
+    return adapted_length(step.begin.step, step.point.newton_iterations, shortest)
+
+
 def _stops_at_kink(problem: CurveProblem, state: CurveState, options: CurveOptions, step: Rejected) -> bool:
     """Whether the next step would be short while the cycle is near to grazing, or none is left."""
     if problem.kinks is None:
         return False
-    if 0.5 * state.step < options.minimum_step:
+    if 0.5 * state.step < shortest_step(options, state):
         return True
     short = short_step(options)
     if not step.factor * state.step < short <= state.step:
@@ -100,12 +121,18 @@ def _stops_at_kink(problem: CurveProblem, state: CurveState, options: CurveOptio
     return problem.kinks.distance(orbit, parameters) <= problem.kinks.widths[-1]
 
 
-def _with_more_time_steps(problem: CurveProblem, state: CurveState) -> CurveState | None:
-    """The state whose next step takes more time steps, of unknown error; None if there are no more."""
+def _with_more_time_steps(
+    problem: CurveProblem, state: CurveState, options: CurveOptions
+) -> CurveState | None:
+    """The state with more time steps, moved to their curve, of unknown error; None if there are no more.
+
+    Without that a step shorter than the distance of both curves would end beside its own.
+    """
     steps = most_steps(problem.period_map, _FINER * state.steps)
     if steps <= state.steps:
         return None
-    return replace(state, steps=steps, step_error=math.nan, coarser_error=math.nan)
+    finer = replace(state, steps=steps, step_error=math.nan, coarser_error=math.nan)
+    return _state_with_width(problem, finer, options, state.clipping_width, 0.0)
 
 
 def _on_smoother_map(
@@ -192,8 +219,7 @@ def _state_with_width(
 
 def _beside_exact_map(problem: CurveProblem, step: CurveStep, options: CurveOptions) -> CurveStep:
     """The step with its end on the curve of the exact map, else with the effect of the width there."""
-    length = adapted_length(step.begin.step, step.point.newton_iterations, options)
-    at_end = replace(step.begin, step=length, **columns_of(problem, step.end))
+    at_end = replace(step.begin, step=next_length(step, options), **columns_of(problem, step.end))
     exact = _exact_end(problem, at_end, options)
     if exact is None or not _may_go_back(problem, step.begin, at_end, options):
         return _with_effect(problem, step, at_end, exact, options)
