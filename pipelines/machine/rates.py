@@ -60,7 +60,7 @@ ROTOR_STATE, ROTOR_SIZE, ROTOR_CONSTANTS, JOURNAL, FILM_CONSTANTS = 0, 1, 2, 3, 
 MACHINE_INTEGERS = 7
 BEARINGS = 2
 UNSIGNED = np.uint64
-_TWINS = 1e-12  # difference of pressures and distances, which are of order one, that is rounding
+_TWINS = 1e-10  # difference of pressures and distances; it changes multipliers by a tenth of that
 
 
 @kernel()
@@ -83,10 +83,9 @@ def journal_coordinates(bearing, state, clearance, layout):
 
 @kernel()
 def are_twins(state, constants, layout):
-    """Whether the films of two equal bearings are in one state, to rounding.
+    """Whether the films of two equal bearings are in one state, up to what a corrector leaves.
 
-    So they are on a symmetric rotor, unless its motion loses the symmetry; their Jacobians are then equal to
-    rounding as well.
+    So they are on a symmetric rotor, unless its motion loses the symmetry; one Jacobian then serves both.
     """
     one, _, _, clearance = bearing_views(0, constants, layout)
     other, _, _, other_clearance = bearing_views(1, constants, layout)

@@ -105,14 +105,14 @@ def twins(description: Case) -> tuple[Any, np.ndarray, np.ndarray]:
     return system, state, parameters
 
 
-@pytest.mark.parametrize("apart", [0.0, 1e-13, 1e-9])
+@pytest.mark.parametrize("apart", [0.0, 1e-12, 1e-8])
 @pytest.mark.parametrize("where", ["pressure", "foil", "journal"])
 def test_twin_bearings(apart: float, where: str) -> None:
-    """Films alike to rounding share their factors; the solution is that of the dense matrix all the same."""
+    """Films that are nearly alike share their factors; the solution is that of the dense matrix all the same."""
     system, state, parameters = twins(case((12, 4), numerics={"scheme": "fourth_order"}))
     journal = system.layout[ROTOR_STATE] + system.layout[JOURNAL]
     state[{"pressure": 3, "foil": 11 * 4 + 5, "journal": journal}[where]] += apart
-    assert are_twins(state, system.constants, system.layout) == (apart < 1e-12)
+    assert are_twins(state, system.constants, system.layout) == (apart < 1e-10)
     right = np.random.default_rng(4).standard_normal((system.size, LANES))
     jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
     expected = np.linalg.solve(np.eye(system.size) - 0.05 * jacobian, right)
