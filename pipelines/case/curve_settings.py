@@ -39,7 +39,9 @@ class TrackCurves(UnitsTable):
     )
     step: float = arclength_step("first arclength step", 0.02, measured_by="parameters")
     minimum_step: float = arclength_step(
-        "a curve ends when a step would be shorter", 1e-6, measured_by="parameters"
+        "a curve ends when a step would be shorter; on smoothed clipping a 16th",
+        1e-6,
+        measured_by="parameters",
     )
     maximum_step: float = arclength_step("longest arclength step", 0.05, measured_by="parameters")
     max_points: int = most_points("a curve ends after this many points, in each of its two directions", 400)
