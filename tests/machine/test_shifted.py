@@ -38,6 +38,15 @@ def solved(
     return lines.reshape(right.shape)
 
 
+def check_solution(system: Any, state: np.ndarray, parameters: np.ndarray, shift: float) -> None:
+    """Against the dense matrix; 1e-11 because the condition number reaches 1e4."""
+    right = np.random.default_rng(4).standard_normal((system.size, LANES))
+    jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
+    expected = np.linalg.solve(np.eye(system.size) - shift * jacobian, right)
+    found = solved(system, state, parameters, shift, right)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+
+
 def pair(
     first: dict[str, Any], second: dict[str, Any], **changes: Any
 ) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -49,14 +58,10 @@ def pair(
 @pytest.mark.parametrize("scheme", ["central", "fourth_order"])
 @pytest.mark.parametrize("grid", [(8, 1), (12, 2), (16, 3), (12, 4), (9, 6)])
 def test_solution_of_the_dense_system(grid: tuple[int, int], scheme: str, film: str, shift: float) -> None:
-    """Two bearings that differ in every length; 1e-11 because the condition number reaches 1e4."""
+    """Two bearings that differ in every length."""
     bearings, numerics = pair(BEARING, OTHER_BEARING, film=film), {"scheme": scheme}
     system, state, parameters = states(case(grid, bearings=bearings, numerics=numerics))
-    right = np.random.default_rng(4).standard_normal((system.size, LANES))
-    jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
-    expected = np.linalg.solve(np.eye(system.size) - shift * jacobian, right)
-    found = solved(system, state, parameters, shift, right)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+    check_solution(system, state, parameters, shift)
 
 
 def test_solution_with_slopes_kept() -> None:
@@ -65,11 +70,7 @@ def test_solution_with_slopes_kept() -> None:
     rotor = symmetric_rotor(masters=masters)
     system, state, parameters = states(case((12, 2), bearings=(BEARING, OTHER_BEARING), rotor=rotor))
     assert system.size == 2 * 11 * 3 + 2 * 14
-    right = np.random.default_rng(4).standard_normal((system.size, LANES))
-    jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
-    expected = np.linalg.solve(np.eye(system.size) - 0.05 * jacobian, right)
-    found = solved(system, state, parameters, 0.05, right)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+    check_solution(system, state, parameters, 0.05)
 
 
 @pytest.mark.parametrize(
@@ -85,10 +86,7 @@ def test_solution_with_slopes_kept() -> None:
 def test_variants_of_the_bearing(changes: dict[str, Any]) -> None:
     description = case((12, 2), bearings=pair(BEARING, OTHER_BEARING, **changes))
     system, state, parameters = states(description)
-    right = np.random.default_rng(4).standard_normal((system.size, LANES))
-    jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
-    expected = np.linalg.solve(np.eye(system.size) - 0.05 * jacobian, right)
-    np.testing.assert_allclose(solved(system, state, parameters, 0.05, right), expected, atol=1e-11)
+    check_solution(system, state, parameters, 0.05)
 
 
 def twins(description: Case) -> tuple[Any, np.ndarray, np.ndarray]:
@@ -108,16 +106,12 @@ def twins(description: Case) -> tuple[Any, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("apart", [0.0, 1e-12, 1e-8])
 @pytest.mark.parametrize("where", ["pressure", "foil", "journal"])
 def test_twin_bearings(apart: float, where: str) -> None:
-    """Films that are nearly alike share their factors; the solution is that of the dense matrix all the same."""
+    """Films that are nearly alike share their factors; the solution is still that of the dense matrix."""
     system, state, parameters = twins(case((12, 4), numerics={"scheme": "fourth_order"}))
     journal = system.layout[ROTOR_STATE] + system.layout[JOURNAL]
     state[{"pressure": 3, "foil": 11 * 4 + 5, "journal": journal}[where]] += apart
     assert are_twins(state, system.constants, system.layout) == (apart < 1e-10)
-    right = np.random.default_rng(4).standard_normal((system.size, LANES))
-    jacobian = system.tangent_at(PHASE, state, np.eye(system.size), parameters)
-    expected = np.linalg.solve(np.eye(system.size) - 0.05 * jacobian, right)
-    found = solved(system, state, parameters, 0.05, right)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+    check_solution(system, state, parameters, 0.05)
 
 
 @pytest.mark.parametrize(
