@@ -24,7 +24,9 @@ the journals:
     where v^ is the solution without forces. With F = F^ + Y (dX, dY, dX', dY'), F^ the force at p^, this
     gives a 4 x 4 system for F: the closing system.
 
-The cost is linear in the number of lines along theta.  LANES columns cost as much as one.
+The cost is linear in the number of lines along theta.  LANES columns cost as much as one.  Films that are
+twins (``rates.are_twins``), as on a symmetric rotor, are eliminated once: the second takes the factors of the
+first.
 
 The factors lie one after another, with m stations, r = nodes * m rows, n = ROTOR_SIZE, and s = R lines of the
 seam or none:
