@@ -230,10 +230,10 @@ def map_slopes(
     the period is unknown two, (M(u + h d) - M(u - h d)) columns / 2h: the phase along the cycle amplifies
     rounding.  Two likewise where a ``sharp`` derivative is asked for, which has 20 times less rounding.
     """
-    central = sharp or at.problem.period_map.autonomous
+    central, own = sharp or at.problem.period_map.autonomous, image
     if not central:  # a pass that would make factors here holds those of two orbits
         known = image.factors is not None
-        image = at.with_columns(image, columns) if known else at.tangent(columns, weights is not None)
+        own = at.with_columns(image, columns) if known else at.tangent(columns, weights is not None)
     parts, phases = [], []
 
     def beside(direction: Position, distance: float) -> PeriodImage:
@@ -241,7 +241,7 @@ def map_slopes(
 
     for direction in directions:
         distance = (_CENTRAL_SHIFT if central else _SHIFT) * scale / metric.largest(direction)
-        ahead, behind = beside(direction, distance), beside(direction, -distance) if central else image
+        ahead, behind = beside(direction, distance), beside(direction, -distance) if central else own
         (there, row), (here, other) = _weighted(ahead, weights), _weighted(behind, weights)
         width = 2.0 * distance if central else distance
         parts.append((there - here) / width)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipelines.orbits.integration.passes import Pass, columns_pass, explicit_pass, implicit_pass
+from pipelines.orbits.integration.passes import KEPT_BYTES, Pass, columns_pass, explicit_pass, implicit_pass
 from pipelines.orbits.steppers import RK4, ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector, size_of
 
@@ -72,9 +72,9 @@ class PeriodImage:
     ``state`` (size,): phi(state) at the end; ``columns`` (size, m): M applied to the block;
     ``inhomogeneous`` (size, k): derivatives of the map; ``orbit`` (samples, size) at tau1 = k/samples;
     ``phase``, ``phase_columns`` (m,), ``phase_inhomogeneous`` (k,): the phase condition and its derivatives,
-    zero without a reference; ``finite`` is False when the orbit diverged.  Of an implicit stepper:
-    ``missed`` (stages, size), by how much the guesses of the stages missed them, and their ``factors``, up to
-    256 MiB, which are present only on request: store an image ``without_factors``.
+    zero without a reference; ``finite`` is False when the orbit diverged.  Of an implicit
+    stepper, on request and up to 256 MiB each: ``missed`` (stages, size), by how much the guesses of the
+    stages missed them, and their ``factors``; store an image ``without_factors``.
     """
 
     start: OrbitStart
@@ -176,15 +176,17 @@ class PeriodMap:
     ) -> PeriodImage:
         """phi(state), M @ columns, the inhomogeneous columns and the phase condition in one pass.
 
-        ``keep_factors``: for further columns along the orbit, see ``with_columns``.  ``near``: a pass of a
-        nearby orbit, from which the stages of an implicit stepper have better guesses.  Raises ValueError if
-        the stepper is explicit and ``steps`` is not a multiple of ``samples`` (see ``rounded_steps``).
+        ``keep_factors``: for further columns along the orbit, see ``with_columns``, and for passes beside it.
+        ``near``: a pass of a nearby orbit, from which the stages of an implicit stepper have better guesses.
+        Raises ValueError if the stepper is explicit and ``steps`` is not a multiple of ``samples`` (see
+        ``rounded_steps``).
         """
         if not isinstance(self.stepper, ImplicitStepper) and steps % self.samples:
             raise ValueError(f"steps is {steps}; it must be a multiple of the {self.samples} samples")
         start = OrbitStart(np.array(state, dtype=float), np.array(parameters, dtype=float), period, steps)
         columns = np.zeros((self.size, 0)) if columns is None else columns
-        run, factors = self._pass(start, columns, inhomogeneous, reference, near), None
+        missed = self._guess_errors(start, keep_factors, near)
+        run, factors = self._pass(start, columns, inhomogeneous, reference, missed), None
         with np.errstate(all="ignore"):
             if isinstance(self.stepper, ImplicitStepper):
                 finished, factors = implicit_pass(self.system, self.stepper, run, keep_factors)
@@ -219,7 +221,8 @@ class PeriodMap:
             columns, phase_columns = passed.columns, passed.phase_columns
         else:
             assert isinstance(self.stepper, ImplicitStepper)
-            run, factors = self._pass(image.start, columns, (), reference), image.factors
+            missed = np.zeros((0, self.size))
+            run, factors = self._pass(image.start, columns, (), reference, missed), image.factors
             run.orbit[:] = image.orbit
             with np.errstate(all="ignore"):
                 columns_pass(self.system, self.stepper, run, factors)
@@ -227,20 +230,25 @@ class PeriodMap:
             columns, phase_columns = run.block, run.functional[1:]
         return replace(image, columns=columns, phase_columns=phase_columns, finite=finite, factors=factors)
 
+    def _guess_errors(self, start: OrbitStart, keep: bool, near: PeriodImage | None) -> Matrix:
+        """Those of a pass ``near`` this one, else zeros to ``keep`` this one's in, or no rows."""
+        if not isinstance(self.stepper, ImplicitStepper):
+            return np.zeros((0, self.size))
+        shape = start.steps * (self.stepper.stages - 1), self.size
+        if near is not None and near.finite and near.missed is not None and near.missed.shape == shape:
+            return near.missed.copy()
+        return np.zeros(shape if keep and 8 * shape[0] * shape[1] <= KEPT_BYTES else (0, self.size))
+
     def _pass(
         self,
         start: OrbitStart,
         columns: Matrix,
         inhomogeneous: tuple[Inhomogeneity, ...],
         reference: PhaseReference | None,
-        near: PeriodImage | None = None,
+        missed: Matrix,
     ) -> Pass:
         """The arrays of a pass at its start."""
         (size, given), forcing = columns.shape, self.system.forcing
-        implicit = isinstance(self.stepper, ImplicitStepper)
-        missed = np.zeros((start.steps * (self.stepper.stages - 1) if implicit else 0, size))
-        if near is not None and near.finite and near.missed is not None and near.missed.shape == missed.shape:
-            missed[:] = near.missed
         width = given + len(inhomogeneous)
         block = np.zeros((size, width))
         block[:, :given] = columns

@@ -128,7 +128,7 @@ def shared_work(settings: Settings) -> list[Measurement]:
     cycle, period_map = start.cycle(), start.problem.period_map
     block, at = deterministic_block(period_map.size, SLOW_COLUMNS), cycle.image.start
     beside = at._replace(state=at.state * (1.0 + APART))
-    neighbour = period_map.evaluate(*beside)
+    neighbour = period_map.evaluate(*beside, block, keep_factors=True)
     constants = period_map.system.constants.copy()
     constants[0] = np.nextafter(constants[0], 2.0)  # the clearance of one bearing in its last digit
     apart = replace(period_map, system=replace(period_map.system, constants=constants))

@@ -213,11 +213,11 @@ def test_a_pass_beside_another_takes_fewer_iterations(formulation: Formulation) 
     period_map, steps = PeriodMap(system, ESDIRK5, formulation, samples=8), 12
     period, state = period_map.period(PARAMETERS), period_map.extend(STATE)
     columns = np.eye(period_map.size)
-    alone = period_map.evaluate(state, PARAMETERS, period, steps, columns)
+    alone = period_map.evaluate(state, PARAMETERS, period, steps, columns, keep_factors=True)
 
     def solves(near: PeriodImage | None) -> float:
         before = system.constants[-1]
-        image = period_map.evaluate(state, PARAMETERS, period, steps, columns, near=near)
+        image = period_map.evaluate(state, PARAMETERS, period, steps, columns, keep_factors=True, near=near)
         np.testing.assert_allclose(image.columns, alone.columns, rtol=0.0, atol=1e-11)
         np.testing.assert_allclose(image.state, alone.state, rtol=0.0, atol=1e-12)
         # what the predictor misses belongs to the orbit, not to the one beside it
@@ -227,13 +227,33 @@ def test_a_pass_beside_another_takes_fewer_iterations(formulation: Formulation) 
     counts = [solves(None)]
     for apart in (1e-2, 1e-6, 1e-13):
         beside = state + apart * np.append(np.ones(4), np.zeros(period_map.size - 4))
-        counts.append(solves(period_map.evaluate(beside, PARAMETERS, period, steps)))
+        counts.append(solves(period_map.evaluate(beside, PARAMETERS, period, steps, keep_factors=True)))
     stages = steps * (ESDIRK5.stages - 1)
     columns_alone = stages * -(-period_map.size // LANES)
     assert counts[0] > counts[1] > counts[2] > counts[3] == stages + columns_alone
-    other = period_map.evaluate(state, PARAMETERS, period, 2 * steps)
+    other = period_map.evaluate(state, PARAMETERS, period, 2 * steps, keep_factors=True)
     assert solves(other) == counts[0]  # of other steps nothing is known
-    assert solves(replace(other, finite=False)) == counts[0]
+    same = period_map.evaluate(state, PARAMETERS, period, steps, keep_factors=True)
+    assert solves(replace(same, finite=False)) == counts[0]
+
+
+def test_errors_of_guesses_are_kept_on_request_and_within_the_limit(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    """A long pass that nobody comes back to takes no memory for its stages."""
+    period_map = PeriodMap(implicit(tondl()), ESDIRK5, samples=8)
+    start = (STATE, PARAMETERS, period_map.period(PARAMETERS), 16)
+    kept = period_map.evaluate(*start, keep_factors=True)
+    rows = 16 * (ESDIRK5.stages - 1)
+    assert kept.missed is not None
+    assert kept.missed.shape == (rows, 4)
+    plain = period_map.evaluate(*start)
+    assert plain.missed is not None
+    assert plain.missed.shape == (0, 4)
+    assert same_bits(plain, kept)
+    monkeypatch.setattr("pipelines.orbits.period_map.KEPT_BYTES", kept.missed.nbytes - 1)
+    large = period_map.evaluate(*start, keep_factors=True)
+    assert large.missed is not None
+    assert large.missed.shape == (0, 4)
+    assert same_bits(large, kept)
 
 
 @pytest.mark.parametrize("make", ["stroboscopic", "unforced", "machine"])
@@ -301,7 +321,7 @@ def test_factors_are_there_on_request_and_within_the_limit(monkeypatch) -> None:
     assert again.factors is not None
     assert np.array_equal(again.factors, kept.factors)
     assert integrated == [16]
-    monkeypatch.setattr(passes, "_KEPT_BYTES", kept.factors.nbytes - 1)
+    monkeypatch.setattr(passes, "KEPT_BYTES", kept.factors.nbytes - 1)
     large = period_map.evaluate(*start, columns, keep_factors=True)
     assert large.factors is None
     assert same_bits(period_map.with_columns(large, columns), plain)

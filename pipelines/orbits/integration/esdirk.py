@@ -189,13 +189,13 @@ def solve_stage(equations, method, h, i, forced, state, factored, factors, misse
 
     ``forced``: the phase of the forcing, which an oscillator replaces by its own; ``factored``: use the
     factors of an earlier stage, which are renewed when Newton's method contracts slowly; ``missed``: by how
-    much the guess missed S_i on a nearby orbit, replaced by this one's error.
+    much the guess missed S_i on a nearby orbit, replaced by this one's error; empty where nothing is known.
     """
     a, right, stage = method.a, step.right, step.stage
     stages, weight = a.shape[0], h * a[i, i]
     combine(right, state, h, a[i], i, step.slopes[stages:])
     combine(stage, right, weight, method.predictor[i], stages + i, step.slopes)
-    for k in range(stage.shape[0]):
+    for k in range(missed.shape[0]):
         guess = stage[k]
         stage[k] += missed[k]
         missed[k] = -guess
@@ -208,6 +208,7 @@ def solve_stage(equations, method, h, i, forced, state, factored, factors, misse
     slope = step.slopes[stages + i]
     for k in range(slope.shape[0]):
         slope[k] = (stage[k] - right[k]) / weight
+    for k in range(missed.shape[0]):
         missed[k] += stage[k]
     return True
 

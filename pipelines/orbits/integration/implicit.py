@@ -66,8 +66,8 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
     within the steps by cubic Hermite polynomials; the functional (1 + columns) is summed over the samples.
     ``column_parameter`` and ``column_period`` may be shorter than the columns.  ``missed`` (steps
     (stages - 1), size): errors of the guesses of all stages on a nearby orbit, or zeros; it receives those of
-    this one.  ``kept`` (steps (stages - 1), len(factors)) receives the factors with which the columns were
-    solved, unless it has no rows.  Everything else as in ``propagation.propagate``.
+    this one, unless it has no rows.  ``kept`` (steps (stages - 1), len(factors)) receives the factors with
+    which the columns were solved, unless it has no rows.  Everything else as in ``propagation.propagate``.
 
     Returns -1, or the step that failed.
     """
@@ -92,7 +92,8 @@ def propagate_implicit(  # type: ignore[no-untyped-def]
             phase = turn * (step + c[i]) / steps
             factored = factored and (chunks > 0 or i > 1)
             row = step * (stages - 1) + i - 1
-            if not solve_stage(equations, method, h, i, phase, state, factored, factors, missed[row], own):
+            errors = missed[row] if missed.shape[0] > 0 else state[:0]
+            if not solve_stage(equations, method, h, i, phase, state, factored, factors, errors, own):
                 return step
             factored = True
             if chunks > 0:

@@ -16,7 +16,7 @@ from pipelines.orbits.integration.propagation import propagate, workspace_size
 from pipelines.orbits.steppers import ImplicitStepper, Stepper
 from pipelines.orbits.system import DynamicalSystem, Matrix, Vector
 
-_KEPT_BYTES = 256 * 1024**2  # largest size of the factors that are kept of one orbit
+KEPT_BYTES = 256 * 1024**2  # largest size of what is kept of one orbit
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Pass:
 
     ``turn``: change of the forcing's phase [rad]; ``oscillator``: index of the frequency of Eq. 17, or -1;
     ``block``: the columns; ``orbit`` (samples, size); ``missed`` (stages, size): errors of the guesses of an
-    implicit stepper's stages; all other shapes as in ``propagation.propagate``.
+    implicit stepper's stages, or no rows; all other shapes as in ``propagation.propagate``.
     """
 
     parameters: Vector
@@ -69,7 +69,7 @@ def implicit_pass(
     lines, functional = _chunked(run.block), _functional(run.block)
     orbit_space, column_space = map(aligned, workspace_sizes(run.state.size, len(lines), stepper.stages))
     rows, size = run.steps * (stepper.stages - 1), system.shifted.factors_size
-    keeps = keep_factors and len(lines) > 0 and run.oscillator < 0 and 8 * rows * size <= _KEPT_BYTES
+    keeps = keep_factors and len(lines) > 0 and run.oscillator < 0 and 8 * rows * size <= KEPT_BYTES
     kept = np.empty((rows if keeps else 0, size))
     failed = propagate_implicit(
         *_entries(system), stepper.a, stepper.c, stepper.predictor,

@@ -141,8 +141,7 @@ def integrate(  # type: ignore[no-untyped-def]
         for i in range(1, stages):
             phase = _drive_to((step + c[i]) * h, piece, parameters, push, push_row, own.load)
             factored = i % _STAGES_PER_FACTORS != 1
-            own.term[:] = 0.0  # no nearby orbit
-            if not solve_stage(equations, method, h, i, phase, state, factored, factors, own.term, own):
+            if not solve_stage(equations, method, h, i, phase, state, factored, factors, state[:0], own):
                 return 1
         observe(phase, own.stage, parameters, constants, layout, work, observed)
         told[LIMIT_HIT] = _watch(observed, limits, running)
