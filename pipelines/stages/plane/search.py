@@ -83,8 +83,8 @@ def certify_plane(
 
 def _first_lines(plane: PlaneProblem, options: PlaneOptions) -> list[Asked]:
     """Lines along either parameter, equally spaced over the other one."""
-    (first, second), (low, high) = plane.names, plane.ranges
+    (first, second), (of_first, of_second) = plane.names, plane.ranges
     along_first, along_second = options.lines
-    return [Asked(first, value) for value in spread(along_first, high, 0)] + [
-        Asked(second, value) for value in spread(along_second, low, 0)
+    return [Asked(first, value) for value in spread(along_first, of_second, 0)] + [
+        Asked(second, value) for value in spread(along_second, of_first, 0)
     ]
